@@ -1,0 +1,208 @@
+// Frame and Reply: the two steps from bytes to data that may be believed.
+//
+// A Frame exists only if its length, its CF and its CRC hold. A Reply exists only if, besides,
+// everything that the profile fixes holds: ABS < 2^bits, the reserved ABM bits, ENID among the
+// expected. Neither can be made in another way, and only a Reply can become a Sample.
+//
+// Success is one compare on raw words; the named cause of a refusal is found on a cold path.
+// Specification: sections 2, 3 and 7.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <expected>
+#include <span>
+
+#include "tm485/errc.hpp"
+#include "tm485/protocol/control_field.hpp"
+#include "tm485/protocol/crc.hpp"
+#include "tm485/protocol/layout.hpp"
+#include "tm485/protocol/profile.hpp"
+#include "tm485/protocol/status.hpp"
+
+namespace tm485 {
+namespace detail {
+
+/// A reply as words: bytes 0..7 in `low`, bytes 8..10 in `high`, little endian, rest 0.
+struct Words {
+  std::uint64_t low = 0;
+  std::uint32_t high = 0;
+};
+
+template <class Word>
+[[nodiscard]] inline Word load(const std::uint8_t* bytes) noexcept {
+  Word word;
+  std::memcpy(&word, bytes, sizeof word);
+  return word;
+}
+
+/// `bytes` must have 4, 6 or 11 bytes: the lengths of kLayouts.
+[[nodiscard]] constexpr Words load_words(std::span<const std::uint8_t> bytes) noexcept {
+  Words words;
+  if (std::is_constant_evaluated() || std::endian::native != std::endian::little) {
+    for (std::size_t i = 0; i < bytes.size() && i < 8; ++i) words.low |= std::uint64_t{bytes[i]} << (8 * i);
+    for (std::size_t i = 8; i < bytes.size(); ++i) words.high |= std::uint32_t{bytes[i]} << (8 * (i - 8));
+    return words;
+  }
+  const std::uint8_t* const data = bytes.data();
+  if (bytes.size() == kMaxReply) {  // the last word overlaps byte 7, which is shifted out
+    words.low = load<std::uint64_t>(data);
+    words.high = load<std::uint32_t>(data + 7) >> 8;
+  } else {
+    words.low = load<std::uint32_t>(data);
+    if (bytes.size() == 6) words.low |= std::uint64_t{load<std::uint16_t>(data + 4)} << 32;
+  }
+  return words;
+}
+
+[[nodiscard]] constexpr std::uint8_t crc(const Words& words) noexcept {
+  return tm485::crc(words.low ^ words.high);
+}
+
+}  // namespace detail
+
+/// A reply whose length, CF and CRC hold. What its fields say has not been judged yet.
+/// 16 bytes, trivially copyable. All accessors: any thread or interrupt, constant time.
+class Frame {
+ public:
+  /// Any reply of the family. Errors: length_error, cf_sync_error, cf_parity_error, unknown_id, crc_error.
+  [[nodiscard]] static constexpr std::expected<Frame, Errc> parse(
+      std::span<const std::uint8_t> bytes) noexcept {
+    if (bytes.empty()) return std::unexpected(Errc::length_error);
+    const auto id = parse_control_field(bytes[0]);
+    if (!id) return std::unexpected(id.error());
+    return parse(bytes, *id);
+  }
+
+  /// The reply to a request of `id`. Errors: as above, and cf_mismatch for the reply to another ID.
+  [[nodiscard]] static constexpr std::expected<Frame, Errc> parse(std::span<const std::uint8_t> bytes,
+                                                                  DataId id) noexcept {
+    if (bytes.size() != layout(id).reply_length) return std::unexpected(Errc::length_error);
+    if (bytes[0] != control_field(id)) {
+      const auto other = parse_control_field(bytes[0]);
+      return std::unexpected(other ? Errc::cf_mismatch : other.error());
+    }
+    const detail::Words words = detail::load_words(bytes);
+    if (detail::crc(words) != 0) return std::unexpected(Errc::crc_error);
+    return Frame(words);
+  }
+
+  [[nodiscard]] constexpr std::uint8_t cf() const noexcept { return byte<0>(); }
+  [[nodiscard]] constexpr DataId id() const noexcept { return static_cast<DataId>((byte<0>() >> 3) & 0xFU); }
+  [[nodiscard]] constexpr const Layout& fields() const noexcept { return layout(id()); }
+
+  // The fields. Each means something only if fields() has it; they are raw bytes of the reply otherwise.
+  // No look-up: where an ID has a field, its place follows from the ID alone.
+  [[nodiscard]] constexpr std::uint8_t sf() const noexcept { return byte<1>(); }
+  [[nodiscard]] constexpr std::uint8_t enid() const noexcept {
+    return id() == DataId::encoder_id ? byte<2>() : byte<5>();
+  }
+  /// 0 where there is none.
+  [[nodiscard]] constexpr std::uint8_t almc() const noexcept { return byte<9>(); }
+  [[nodiscard]] constexpr StatusSet status() const noexcept { return {sf(), almc()}; }
+  [[nodiscard]] constexpr std::uint8_t adf() const noexcept { return byte<1>(); }
+  /// EEPROM address 0..127, without the busy bit.
+  [[nodiscard]] constexpr std::uint8_t address() const noexcept { return adf() & 0x7FU; }
+  /// ADF bit 7: the EEPROM is busy and EDF is void.
+  [[nodiscard]] constexpr bool eeprom_busy() const noexcept { return (adf() & 0x80U) != 0; }
+  [[nodiscard]] constexpr std::uint8_t edf() const noexcept { return byte<2>(); }
+  /// 24 bits as sent.
+  [[nodiscard]] constexpr std::uint32_t abs() const noexcept { return three_bytes(); }
+  /// 24 bits as sent; see turns() for the signed count.
+  [[nodiscard]] constexpr std::uint32_t abm() const noexcept {
+    if (id() == DataId::multi_turn) return three_bytes();
+    return static_cast<std::uint32_t>(words_.low >> 48) | (words_.high & 0xFFU) << 16;
+  }
+  /// The turn count: ABM sign-extended from `multi_turn_bits` (8..24).
+  [[nodiscard]] constexpr std::int32_t turns(unsigned multi_turn_bits) const noexcept {
+    return sign_extend(abm(), multi_turn_bits);
+  }
+  [[nodiscard]] constexpr std::uint8_t crc() const noexcept {
+    const unsigned length = fields().reply_length;
+    return length == kMaxReply ? byte<10>() : length == 6 ? byte<5>() : byte<3>();
+  }
+
+  /// Sign-extends the lowest `bits` (1..32) of a value.
+  [[nodiscard]] static constexpr std::int32_t sign_extend(std::uint32_t value, unsigned bits) noexcept {
+    return static_cast<std::int32_t>(value << (32 - bits)) >> (32 - bits);
+  }
+
+ private:
+  friend class Reply;
+  constexpr explicit Frame(const detail::Words& words) noexcept : words_(words) {}
+
+  template <unsigned At>
+  [[nodiscard]] constexpr std::uint8_t byte() const noexcept {
+    if constexpr (At < 8) {
+      return static_cast<std::uint8_t>(words_.low >> (8 * At));
+    } else {
+      return static_cast<std::uint8_t>(words_.high >> (8 * (At - 8)));
+    }
+  }
+  /// The three bytes behind SF: ABS, or ABM in a reply to ID1.
+  [[nodiscard]] constexpr std::uint32_t three_bytes() const noexcept {
+    return static_cast<std::uint32_t>(words_.low >> 16) & 0xFFFFFFU;
+  }
+
+  detail::Words words_;
+};
+
+/// A frame that also holds everything the profile fixes. The only source of a Sample.
+class Reply {
+ public:
+  /// Bytes to reply in one step. Errors: those of Frame::parse(bytes, id), and abs_out_of_range,
+  /// abm_reserved_bits, enid_unexpected. Any thread or interrupt; constant time.
+  [[nodiscard]] static constexpr std::expected<Reply, Errc> parse(std::span<const std::uint8_t> bytes,
+                                                                  DataId id,
+                                                                  const CompiledProfile& profile) noexcept {
+    const ReplyRule& rule = profile.rule(id);
+    if (bytes.size() != rule.length) [[unlikely]]
+      return std::unexpected(Errc::length_error);
+    const detail::Words words = detail::load_words(bytes);
+    if (!holds(words, rule, profile)) [[unlikely]]
+      return std::unexpected(explain(bytes, id, profile));
+    return Reply(Frame(words));
+  }
+
+  /// The second step alone, for a frame that was already parsed.
+  [[nodiscard]] static constexpr std::expected<Reply, Errc> from(const Frame& frame,
+                                                                 const CompiledProfile& profile) noexcept {
+    if (!holds(frame.words_, profile.rule(frame.id()), profile))
+      return std::unexpected(explain(frame, profile));
+    return Reply(frame);
+  }
+
+  [[nodiscard]] constexpr const Frame& frame() const noexcept { return frame_; }
+
+ private:
+  constexpr explicit Reply(const Frame& frame) noexcept : frame_(frame) {}
+
+  [[nodiscard]] static constexpr bool holds(const detail::Words& words, const ReplyRule& rule,
+                                            const CompiledProfile& profile) noexcept {
+    const std::uint64_t wrong = ((words.low & rule.low_mask) ^ rule.low_expected) |
+                                ((words.high & rule.high_mask) ^ rule.high_expected) | detail::crc(words);
+    if (wrong != 0) [[unlikely]]
+      return false;
+    return !rule.enid_listed || profile.profile().enids.accepts(Frame(words).enid());
+  }
+
+  /// The named cause of a refusal; cold.
+  [[nodiscard]] static constexpr Errc explain(const Frame& frame, const CompiledProfile& profile) noexcept {
+    const Profile& p = profile.profile();
+    if (frame.fields().abs_at != 0 && (frame.abs() >> p.single_turn_bits) != 0) return Errc::abs_out_of_range;
+    if (frame.fields().abm_at != 0 && (frame.abm() & p.abm_reserved) != 0) return Errc::abm_reserved_bits;
+    return Errc::enid_unexpected;
+  }
+  [[nodiscard, gnu::cold]] static constexpr Errc explain(std::span<const std::uint8_t> bytes, DataId id,
+                                                         const CompiledProfile& profile) noexcept {
+    const auto frame = Frame::parse(bytes, id);
+    return frame ? explain(*frame, profile) : frame.error();
+  }
+
+  Frame frame_;
+};
+
+static_assert(sizeof(Reply) <= 16);
+
+}  // namespace tm485
