@@ -1,0 +1,55 @@
+// AxisConfig: how encoder counts become the position of this axis. Specification: sections 1, 3, 7.
+#pragma once
+
+#include <cstdint>
+
+#include "tm485/protocol/profile.hpp"
+#include "tm485/time.hpp"
+
+namespace tm485 {
+
+/// Units for people; the loop itself works in counts.
+enum class Units : std::uint8_t { counts, rev, deg, rad };
+
+/// What is known about the axis. All integers, so that nothing is lost over 64 bits.
+struct AxisConfig {
+  bool reversed = false;                ///< false: counter-clockwise seen from the output shaft is positive
+  std::int64_t zero_offset = 0;         ///< encoder counts that become position 0, before direction
+  std::int32_t reference_turn = 1;      ///< turn count that becomes turn 0: 1 for TM485, 0 for T-format
+  std::int32_t gear_numerator = 1;      ///< load revolutions = motor revolutions * numerator / denominator
+  std::int32_t gear_denominator = 1;    ///< not 0
+  std::uint16_t pole_pairs = 1;         ///< electrical turns per mechanical turn
+  std::uint32_t electrical_offset = 0;  ///< added to the electrical angle; 2^32 is one electrical turn
+  std::int32_t max_speed_rpm =
+      6000;                     ///< faster than the shaft can turn; bounds what single-turn data can tell
+  Units units = Units::counts;  ///< of `to_units`
+
+  /// The configuration that fits a profile: its turn count at start is the reference turn.
+  [[nodiscard]] static constexpr AxisConfig for_profile(const Profile& profile) noexcept {
+    AxisConfig axis;
+    axis.reference_turn = profile.multi_turn_start;
+    return axis;
+  }
+};
+
+/// A position in motor counts as load-side `axis.units` (counts are motor counts, without gear).
+/// Any thread; floating point.
+[[nodiscard]] constexpr double to_units(std::int64_t position, const AxisConfig& axis,
+                                        unsigned single_turn_bits) noexcept {
+  const auto counts = static_cast<double>(position);
+  if (axis.units == Units::counts) return counts;
+  const double motor_turns = counts / static_cast<double>(std::int64_t{1} << single_turn_bits);
+  const double turns = motor_turns * axis.gear_numerator / axis.gear_denominator;
+  switch (axis.units) {
+    case Units::deg:
+      return turns * 360.0;
+    case Units::rad:
+      return turns * 6.283185307179586;
+    case Units::rev:
+    case Units::counts:
+      break;
+  }
+  return turns;
+}
+
+}  // namespace tm485

@@ -1,0 +1,55 @@
+// TripleBuffer: the newest value from one writer to one reader, wait-free on both sides.
+//
+// Three slots: the writer owns one, the reader owns one, the third lies between them. Writing or
+// taking a value is one exchange of the index between them, so neither side ever waits, retries or
+// sees half a value. Needs an atomic exchange; see four_slot.hpp for cores that have none.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <type_traits>
+
+namespace tm485 {
+
+/// One writer context, one reader context; they may be threads or interrupts of any priority.
+template <class T>
+class TripleBuffer {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  /// Writer. Replaces the newest value. One copy of T and one exchange.
+  void put(const T& value) noexcept {
+    slots_[writer_].value = value;
+    // release: pairs with the acquire in get(), so that the reader who takes this index sees the value.
+    // acquire: pairs with the release in get(), so that the reader has done with the slot we take back.
+    writer_ =
+        between_.exchange(static_cast<std::uint8_t>(writer_ | kNew), std::memory_order_acq_rel) & kIndex;
+  }
+
+  /// Reader. The newest value, or T{} before the first. The reference stays good until the next get().
+  [[nodiscard]] const T& get() noexcept {
+    // relaxed: only a hint; the exchange orders. A value put after this load is found by the next get().
+    if ((between_.load(std::memory_order_relaxed) & kNew) != 0) {
+      // acquire: pairs with the release in put(). release: pairs with the acquire in put().
+      reader_ = between_.exchange(reader_, std::memory_order_acq_rel) & kIndex;
+    }
+    return slots_[reader_].value;
+  }
+
+ private:
+  static constexpr std::uint8_t kIndex = 0b011;
+  static constexpr std::uint8_t kNew = 0b100;  ///< the slot between them holds a value that was not read yet
+  static constexpr std::size_t kCacheLine = 64;
+
+  struct alignas(alignof(T) > kCacheLine ? alignof(T) : kCacheLine) Slot {
+    T value{};
+  };
+
+  std::array<Slot, 3> slots_{};
+  alignas(kCacheLine) std::uint8_t writer_ = 0;
+  alignas(kCacheLine) std::atomic<std::uint8_t> between_{1};
+  alignas(kCacheLine) std::uint8_t reader_ = 2;
+};
+
+}  // namespace tm485

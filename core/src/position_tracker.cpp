@@ -1,0 +1,56 @@
+#include "tm485/motion/position_tracker.hpp"
+
+#include <algorithm>
+
+namespace tm485 {
+namespace {
+
+constexpr std::int64_t kNsPerMinute = 60'000'000'000;
+
+}  // namespace
+
+PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfig& axis) noexcept
+    : profile_(&profile), axis_(axis) {
+  const unsigned bits = profile.profile().single_turn_bits;
+  const std::int64_t rpm = std::clamp<std::int32_t>(axis.max_speed_rpm, 1, 1'000'000);
+  const bool counts_turns = profile.profile().multi_turn_bits != 0;
+  offset_ = (std::int64_t{counts_turns ? axis.reference_turn : 0} << bits) + axis.zero_offset;
+  // Rounded up: a limit may be a little wide, never too narrow.
+  speed_limit_ = (rpm << bits) / (kNsPerMinute >> 20) + 1;
+  unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
+  last_.latch_uncertainty_ns_ = static_cast<std::uint32_t>(
+      std::min<std::int64_t>(profile.profile().latch_uncertainty.count(), UINT32_MAX));
+}
+
+Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
+  const bool known = last_.quality_ != Quality::invalid;
+  last_.quality_ = known && now - last_.latch_time_ <= max_hold ? Quality::held : Quality::invalid;
+  ++last_.sequence_;
+  return last_;
+}
+
+Sample PositionTracker::forget() noexcept {
+  has_raw_ = false;
+  last_.quality_ = Quality::invalid;
+  last_.referenced_ = false;
+  ++last_.sequence_;
+  return last_;
+}
+
+bool PositionTracker::consistent(const Frame& earlier, const Frame& later, Time elapsed) const noexcept {
+  const Profile& profile = profile_->profile();
+  const unsigned bits = profile.single_turn_bits;
+  std::int64_t moved = 0;
+  if (profile.multi_turn_bits != 0) {
+    const std::int64_t turns = Frame::sign_extend(later.abm() - earlier.abm(), profile.multi_turn_bits);
+    moved = turns * (std::int64_t{1} << bits) + later.abs() - earlier.abs();
+  } else {
+    moved = Frame::sign_extend(later.abs() - earlier.abs(), bits);
+  }
+  constexpr std::int64_t kQuantisation = 2;
+  constexpr Time kLongest = std::chrono::seconds(10);  // keeps the product in 63 bits
+  const std::int64_t limit = ((speed_limit_ * std::min(elapsed, kLongest).count()) >> 20) + kQuantisation;
+  return elapsed >= Time{0} && moved <= limit && -moved <= limit;
+}
+
+}  // namespace tm485
