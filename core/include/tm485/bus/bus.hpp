@@ -1,0 +1,181 @@
+// Bus: one encoder on one line, read every cycle. The only place that calls a port.
+//
+// The owner calls poll() whenever something may have happened (a timer, a received byte, or in a
+// loop) and gets back when to call it at the latest. Everything else follows from that:
+//
+//   start-up -> cyclic reads -> (lost, or on_restart) -> start-up ...
+//
+// Samples go to one reader through LatestValue; background exchanges come in through offer().
+// Context: every function but latest() belongs to the one context that owns the bus (a thread or an
+// interrupt priority); latest() belongs to one reader context of any priority. docs/api-contexts.md
+// has the table. Specification: sections 2 to 4.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <optional>
+
+#include "tm485/bus/exchange.hpp"
+#include "tm485/bus/port.hpp"
+#include "tm485/bus/scheduler.hpp"
+#include "tm485/bus/startup.hpp"
+#include "tm485/bus/statistics.hpp"
+#include "tm485/errc.hpp"
+#include "tm485/motion/axis_config.hpp"
+#include "tm485/motion/position_tracker.hpp"
+#include "tm485/motion/sample.hpp"
+#include "tm485/protocol/frame.hpp"
+#include "tm485/protocol/profile.hpp"
+#include "tm485/protocol/request.hpp"
+#include "tm485/sync/latest_value.hpp"
+#include "tm485/time.hpp"
+
+namespace tm485 {
+
+/// What a bus does. Copied at construction.
+struct BusConfig {
+  std::optional<Cycle> cycle = Cycle{};  ///< none: after start-up only background exchanges
+  AxisConfig axis;
+  Time max_hold = std::chrono::milliseconds(2);  ///< a held sample older than this is invalid
+  std::uint8_t startup_frames = 4;               ///< mutually consistent frames before anything is fresh
+  std::uint8_t lost_after = 8;                   ///< failed cycles in a row after which start-up begins again
+};
+
+enum class BusState : std::uint8_t { stopped, startup, running };
+
+/// The last exchange, for whoever records every cycle.
+struct CycleRecord {
+  enum class Kind : std::uint8_t { startup, cyclic, background };
+  Kind kind = Kind::startup;
+  DataId id = DataId::everything;
+  Errc result = Errc::ok;
+  Time slot{0};         ///< when a cyclic request was due
+  Time start{0};        ///< when it started
+  Time seen{0};         ///< when its verdict was known
+  Time reply_delay{0};  ///< T2, or what the host has seen of it
+  bool has_reply_delay = false;
+};
+
+/// A finished background exchange.
+struct Completion {
+  Request request;
+  std::expected<Reply, Errc> result;
+};
+
+template <Port P>
+class Bus {
+ public:
+  /// `port` and `profile` must outlive the bus. Nothing is sent before start().
+  Bus(P& port, const CompiledProfile& profile, const BusConfig& config) noexcept
+      : port_(&port),
+        profile_(&profile),
+        config_(config),
+        capability_(port.capability()),
+        tracker_(profile, config.axis),
+        startup_(profile, tracker_, config.startup_frames) {}
+
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  /// Checks the cycle against profile and port, and begins start-up at `now`. On a refusal nothing has changed.
+  [[nodiscard]] std::expected<void, CycleRefusal> start(Time now) noexcept;
+  /// Sends nothing more; an exchange under way is abandoned, its T1 still holds.
+  void stop() noexcept {
+    state_ = BusState::stopped;
+    in_flight_ = false;
+    publish(tracker_.forget());
+  }
+
+  /// Does what is due at `now`; answers when to call again at the latest (kNever when stopped). Earlier
+  /// is always allowed. Bounded: at most one request and one reply. `now` never goes back.
+  Time poll(Time now) noexcept;
+
+  /// The encoder was restarted (its power failed, or a tool says so): start-up begins again.
+  void on_restart(Time now) noexcept;
+
+  /// Asks for one background exchange in the free time of the pattern. Errors: bad_state before
+  /// start-up is through, busy while another one is pending, no_gap if the pattern has no room for it.
+  [[nodiscard]] std::expected<void, Errc> offer(const Request& request) noexcept;
+  /// The result of the last offer, once.
+  [[nodiscard]] std::optional<Completion> take_completion() noexcept {
+    std::optional<Completion> completion = completion_;
+    completion_.reset();
+    return completion;
+  }
+
+  /// The newest sample. The one function for the reader's context; wait-free.
+  [[nodiscard]] const Sample& latest() noexcept { return latest_.get(); }
+
+  /// The axis was homed: samples are referenced from the next one on.
+  void set_referenced(bool referenced) noexcept { tracker_.set_referenced(referenced); }
+
+  [[nodiscard]] BusState state() const noexcept { return state_; }
+  [[nodiscard]] StartupStage startup_stage() const noexcept { return startup_.stage(); }
+  /// The last failed start-up sequence, if any has failed since the last good one.
+  [[nodiscard]] const std::optional<StartupError>& startup_error() const noexcept { return startup_error_; }
+  [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
+  [[nodiscard]] const CycleRecord& last_record() const noexcept { return record_; }
+  /// Counts records, so that a recorder knows whether last_record() is new.
+  [[nodiscard]] std::uint32_t record_count() const noexcept { return record_count_; }
+  /// The cyclic grid, if there is one.
+  [[nodiscard]] const std::optional<Scheduler>& scheduler() const noexcept { return scheduler_; }
+
+ private:
+  using Kind = CycleRecord::Kind;
+
+  // What to do next, and when.
+  [[nodiscard]] Time next_due() const noexcept;
+  [[nodiscard]] bool background_fits(Time now) const noexcept;
+  void begin_due(Time now) noexcept;
+  void send(const Request& request, Kind kind, Time now) noexcept;
+  [[nodiscard]] bool line_is_quiet(Time now) noexcept;
+
+  // The exchange under way.
+  void receive(Time now) noexcept;
+  [[nodiscard]] Errc silence_cause(Time now) noexcept;
+  void finish(Time now) noexcept;
+  void finish_cyclic(Time now) noexcept;
+  void finish_startup(Time now) noexcept;
+  void finish_background() noexcept;
+  void record(Errc result, Time now) noexcept;
+
+  // States.
+  void begin_startup(Time now) noexcept;
+  void poll_quiet(Time now) noexcept;
+  void after_startup_step(Time now) noexcept;
+  void cycle_failed(Errc cause, Time now) noexcept;
+  void publish(const Sample& sample) noexcept { latest_.put(sample); }
+
+  [[nodiscard]] Time latch_time() const noexcept {
+    return exchange_.request_end() + profile_->profile().latch_offset;
+  }
+
+  P* port_;
+  const CompiledProfile* profile_;
+  BusConfig config_;
+  PortCapability capability_;
+  PositionTracker tracker_;
+  Startup startup_;
+  std::optional<Scheduler> scheduler_;
+  RequestSpacing spacing_;
+  Exchange exchange_;
+  Request cyclic_request_ = *Request::make(DataId::everything);
+  std::optional<Request> offered_;
+  std::optional<Completion> completion_;
+  std::optional<StartupError> startup_error_;
+  BusState state_ = BusState::stopped;
+  bool in_flight_ = false;
+  bool has_cyclic_start_ = false;
+  Kind kind_ = Kind::startup;
+  std::uint8_t failed_in_a_row_ = 0;
+  Time slot_{0};          ///< of the cyclic exchange under way
+  Time cyclic_start_{0};  ///< of the last cyclic request
+  Statistics statistics_;
+  CycleRecord record_;
+  std::uint32_t record_count_ = 0;
+  LatestValue<Sample> latest_;
+};
+
+}  // namespace tm485
+
+#include "tm485/bus/bus_poll.hpp"  // IWYU pragma: export

@@ -1,0 +1,277 @@
+// Bodies of Bus. Included by bus.hpp.
+#pragma once
+
+#include <algorithm>
+#include <array>
+
+#include "tm485/bus/bus.hpp"
+
+namespace tm485 {
+
+template <Port P>
+std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
+  if (config_.cycle) {
+    const auto scheduler = Scheduler::make(*config_.cycle, *profile_, capability_);
+    if (!scheduler) return std::unexpected(scheduler.error());
+    scheduler_ = *scheduler;
+    cyclic_request_ = *Request::make(config_.cycle->id);
+  }
+  begin_startup(now);
+  return {};
+}
+
+template <Port P>
+Time Bus<P>::poll(Time now) noexcept {
+  if (in_flight_) {
+    receive(now);
+    if (exchange_.state() == Exchange::State::waiting) return exchange_.deadline() + Time{1};
+    finish(now);
+  }
+  if (state_ == BusState::stopped) return kNever;
+  if (state_ == BusState::startup && startup_.stage() == StartupStage::quiet) poll_quiet(now);
+  const Time due = next_due();
+  if (now < due) return due;
+  begin_due(now);
+  return in_flight_ ? exchange_.deadline() + Time{1} : next_due();
+}
+
+template <Port P>
+Time Bus<P>::next_due() const noexcept {
+  if (state_ == BusState::startup) {
+    return startup_.stage() == StartupStage::quiet ? startup_.due()
+                                                   : std::max(startup_.due(), spacing_.earliest());
+  }
+  if (offered_ && (!scheduler_ || spacing_.earliest() < scheduler_->slot())) return spacing_.earliest();
+  return scheduler_ ? std::max(scheduler_->slot(), spacing_.earliest()) : kNever;
+}
+
+template <Port P>
+bool Bus<P>::background_fits(Time now) const noexcept {
+  if (!scheduler_) return true;
+  const Request& request = *offered_;
+  return now + std::max(profile_->t1(request), profile_->exchange_max(request.id())) <= scheduler_->slot();
+}
+
+template <Port P>
+void Bus<P>::begin_due(Time now) noexcept {
+  if (state_ == BusState::startup) {
+    if (startup_.stage() == StartupStage::quiet) {
+      startup_.on_quiet_time(now);
+    } else {
+      send(*Request::make(startup_.next_id()), Kind::startup, now);
+    }
+    return;
+  }
+  if (offered_ && background_fits(now)) return send(*offered_, Kind::background, now);
+  if (scheduler_ && now >= scheduler_->slot()) send(cyclic_request_, Kind::cyclic, now);
+}
+
+template <Port P>
+void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
+  kind_ = kind;
+  if (kind == Kind::cyclic) slot_ = scheduler_->slot();
+  const bool quiet = line_is_quiet(now);
+  const std::expected<Time, Errc> start =
+      quiet ? port_->try_send(request.bytes(), now)
+            : std::expected<Time, Errc>(std::unexpected(Errc::line_not_quiet));
+  exchange_.begin(request, start.value_or(now), *profile_, capability_);
+  if (!start) [[unlikely]] {
+    // Nothing went out; still keep the distance, so that a broken port is not asked in a tight loop.
+    spacing_.on_start(now, profile_->t1(request));
+    if (kind == Kind::cyclic) scheduler_->on_unused(now, statistics_);
+    has_cyclic_start_ = false;
+    exchange_.on_fault(start.error());
+    finish(now);
+    return;
+  }
+  spacing_.on_start(*start, profile_->t1(request));
+  if (kind == Kind::cyclic) {
+    scheduler_->on_start(*start, statistics_);
+    if (has_cyclic_start_) statistics_.t1.add(*start - cyclic_start_);
+    cyclic_start_ = *start;
+    has_cyclic_start_ = true;
+  }
+  in_flight_ = true;
+}
+
+template <Port P>
+bool Bus<P>::line_is_quiet(Time now) noexcept {
+  std::array<std::uint8_t, 16> scratch;  // not initialised: only counted
+  const Reception reception = port_->try_receive(scratch, now);
+  if (reception.count == 0 && reception.fault == Errc::ok) [[likely]]
+    return true;
+  saturating_increment(statistics_.stray_bytes, static_cast<std::uint32_t>(reception.count));
+  return false;
+}
+
+template <Port P>
+void Bus<P>::receive(Time now) noexcept {
+  // Bounded: echo and reply together have at most kMaxRequest + kMaxReply + 1 bytes, and each pass takes one or more.
+  for (std::size_t pass = 0; pass <= kMaxRequest + kMaxReply; ++pass) {
+    const Reception reception = port_->try_receive(exchange_.room(), now);
+    exchange_.on_received(reception, now);
+    if (exchange_.state() == Exchange::State::done) return;
+    if (reception.count == 0) break;
+  }
+  if (now <= exchange_.deadline()) [[likely]]
+    return;
+  if (const Errc cause = silence_cause(now); cause != Errc::ok) return exchange_.on_fault(cause);
+  exchange_.on_time(now);
+}
+
+/// Past the deadline: was the request sent at all?
+template <Port P>
+Errc Bus<P>::silence_cause(Time now) noexcept {
+  const Transmission transmission = port_->transmission(now);
+  if (transmission.state == Transmission::State::failed)
+    return transmission.fault == Errc::ok ? Errc::send_failed : transmission.fault;
+  return transmission.state == Transmission::State::sending ? Errc::send_failed : Errc::ok;
+}
+
+template <Port P>
+void Bus<P>::finish(Time now) noexcept {
+  if (in_flight_ && exchange_.error() == Errc::ok && !capability_.wire_timestamps)
+    spacing_.on_reply_seen(now, profile_->exchange_min(exchange_.id()), profile_->t1(exchange_.request()));
+  in_flight_ = false;
+  switch (kind_) {
+    case Kind::cyclic:
+      return finish_cyclic(now);
+    case Kind::startup:
+      return finish_startup(now);
+    case Kind::background:
+      break;
+  }
+  finish_background();
+  record(completion_->result ? Errc::ok : completion_->result.error(), now);
+}
+
+template <Port P>
+void Bus<P>::finish_cyclic(Time now) noexcept {
+  saturating_increment(statistics_.cycles);
+  if (exchange_.has_reply_delay()) statistics_.reply_delay.add(exchange_.reply_delay());
+  if (exchange_.error() != Errc::ok) return cycle_failed(exchange_.error(), now);
+  const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
+  if (!reply) return cycle_failed(reply.error(), now);
+  const auto sample = tracker_.update(*reply, latch_time());
+  if (!sample) return cycle_failed(sample.error(), now);
+  failed_in_a_row_ = 0;
+  saturating_increment(statistics_.good);
+  if (!(sample->status() & profile_->profile().reserved_status).empty())
+    saturating_increment(statistics_.reserved_status);
+  if (sample->alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
+  if (sample->alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);
+  publish(*sample);
+  record(Errc::ok, now);
+}
+
+template <Port P>
+void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
+  saturating_increment(statistics_.failed);
+  record(cause, now);
+  publish(tracker_.hold(now, config_.max_hold));
+  if (++failed_in_a_row_ < config_.lost_after && cause != Errc::position_lost) return;
+  saturating_increment(statistics_.lost);
+  begin_startup(now);
+}
+
+template <Port P>
+void Bus<P>::finish_startup(Time now) noexcept {
+  Errc cause = exchange_.error();
+  if (cause == Errc::ok) {
+    const auto frame = Frame::parse(exchange_.reply(), exchange_.id());
+    cause = frame ? Errc::ok : frame.error();
+    if (frame) startup_.on_frame(*frame, latch_time(), now);
+  }
+  record(cause, now);
+  if (cause != Errc::ok) startup_.on_error(cause, now);
+  after_startup_step(now);
+}
+
+template <Port P>
+void Bus<P>::after_startup_step(Time now) noexcept {
+  if (const auto failure = startup_.take_failure()) {
+    saturating_increment(statistics_.startup_failures);
+    statistics_.count_error(failure->cause);
+    begin_startup(now);
+    startup_error_ = failure;
+    return;
+  }
+  if (startup_.stage() != StartupStage::done) return;
+  // The last frame of the sequence is the first of the position; the first fresh sample comes with the first cycle.
+  if (const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_))
+    (void)tracker_.update(*reply, latch_time());
+  saturating_increment(statistics_.startups);
+  startup_error_.reset();
+  failed_in_a_row_ = 0;
+  has_cyclic_start_ = false;
+  state_ = BusState::running;
+  if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
+}
+
+template <Port P>
+void Bus<P>::begin_startup(Time now) noexcept {
+  state_ = BusState::startup;
+  if (offered_) {
+    completion_.emplace(*offered_, std::unexpected(Errc::bad_state));
+    offered_.reset();
+  }
+  publish(tracker_.forget());
+  startup_.begin(now, capability_.latency_allowance);
+}
+
+template <Port P>
+void Bus<P>::poll_quiet(Time now) noexcept {
+  if (line_is_quiet(now)) return;
+  startup_.on_noise(now);
+  after_startup_step(now);
+}
+
+template <Port P>
+void Bus<P>::on_restart(Time now) noexcept {
+  if (state_ == BusState::stopped) return;
+  saturating_increment(statistics_.restarts);
+  in_flight_ = false;
+  begin_startup(now);
+}
+
+template <Port P>
+std::expected<void, Errc> Bus<P>::offer(const Request& request) noexcept {
+  if (state_ != BusState::running) return std::unexpected(Errc::bad_state);
+  if (offered_ || completion_) return std::unexpected(Errc::busy);
+  const Time span = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
+  if (scheduler_ && !scheduler_->has_gap_for(span)) return std::unexpected(Errc::no_gap);
+  offered_ = request;
+  return {};
+}
+
+template <Port P>
+void Bus<P>::finish_background() noexcept {
+  saturating_increment(statistics_.background);
+  const Request request = exchange_.request();
+  offered_.reset();
+  if (exchange_.error() != Errc::ok) {
+    completion_.emplace(request, std::unexpected(exchange_.error()));
+    return;
+  }
+  auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
+  if (reply && reply->frame().fields().adf_at != 0 && reply->frame().address() != request.address())
+    reply = std::unexpected(Errc::eeprom_address_mismatch);
+  completion_.emplace(request, reply);
+}
+
+template <Port P>
+void Bus<P>::record(Errc result, Time now) noexcept {
+  if (result != Errc::ok) [[unlikely]]
+    statistics_.count_error(result);
+  record_.kind = kind_;
+  record_.id = exchange_.id();
+  record_.result = result;
+  record_.slot = kind_ == Kind::cyclic ? slot_ : exchange_.start();
+  record_.start = exchange_.start();
+  record_.seen = now;
+  record_.reply_delay = exchange_.reply_delay();
+  record_.has_reply_delay = exchange_.has_reply_delay();
+  ++record_count_;
+}
+
+}  // namespace tm485

@@ -1,0 +1,116 @@
+#include "tm485/bus/startup.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace tm485 {
+namespace {
+
+/// Between two questions to an encoder that does not answer: often enough to lose no time, rarely
+/// enough to leave a host some.
+constexpr Time kAskAgain = std::chrono::milliseconds(1);
+
+/// Any good frame, to have a Frame before the first one came: ENID 0 to ID2.
+constexpr std::array<std::uint8_t, 4> kAnyFrame{0x92, 0x00, 0x00, 0x92};
+
+}  // namespace
+
+std::string_view name(StartupStage stage) noexcept {
+  constexpr std::array<std::string_view, 6> kNames{"quiet",       "answer",     "identify",
+                                                   "cross_check", "consistent", "done"};
+  return kNames[static_cast<std::size_t>(stage) % kNames.size()];
+}
+
+Startup::Startup(const CompiledProfile& profile, const PositionTracker& tracker, std::uint8_t frames) noexcept
+    : profile_(&profile),
+      tracker_(&tracker),
+      frames_wanted_(std::max<std::uint8_t>(frames, 2)),
+      previous_(*Frame::parse(kAnyFrame)) {}
+
+void Startup::begin(Time now, Time latency) noexcept {
+  stage_ = StartupStage::quiet;
+  failed_ = false;
+  retries_ = 0;
+  frames_seen_ = 0;
+  last_error_ = Errc::ok;
+  quiet_span_ = profile_->exchange_max(DataId::everything) + latency;
+  due_ = now + quiet_span_;
+  give_up_ = due_ + profile_->profile().power_up_time;
+}
+
+void Startup::on_noise(Time now) noexcept {
+  if (stage_ != StartupStage::quiet || failed_) return;
+  if (now >= give_up_) return fail(Errc::line_not_quiet);
+  due_ = now + quiet_span_;
+}
+
+void Startup::on_quiet_time(Time now) noexcept {
+  if (stage_ != StartupStage::quiet || failed_) return;
+  stage_ = StartupStage::answer;
+  due_ = now;
+  give_up_ = now + profile_->profile().power_up_time;
+}
+
+void Startup::on_frame(const Frame& frame, Time latch, Time now) noexcept {
+  due_ = now;
+  if (stage_ == StartupStage::answer) {
+    stage_ = StartupStage::identify;
+    return;
+  }
+  if (const auto reply = Reply::from(frame, *profile_); !reply) return fail(reply.error());
+  switch (stage_) {
+    case StartupStage::identify:
+      enid_ = frame.enid();
+      stage_ = StartupStage::cross_check;
+      break;
+    case StartupStage::cross_check:
+      if (frame.enid() != enid_) return fail(Errc::enid_inconsistent);
+      stage_ = StartupStage::consistent;
+      frames_seen_ = 1;
+      previous_ = frame;
+      previous_latch_ = latch;
+      break;
+    case StartupStage::consistent:
+      check_consistency(frame, latch);
+      break;
+    default:
+      break;
+  }
+}
+
+void Startup::check_consistency(const Frame& frame, Time latch) noexcept {
+  const Time elapsed = latch - previous_latch_;
+  if (frame.enid() != enid_) return fail(Errc::enid_inconsistent);
+  if (!tracker_->consistent(previous_, frame, elapsed + profile_->profile().latch_uncertainty * 2))
+    return fail(Errc::frames_inconsistent);
+  previous_ = frame;
+  previous_latch_ = latch;
+  if (++frames_seen_ >= frames_wanted_) stage_ = StartupStage::done;
+}
+
+void Startup::on_error(Errc cause, Time now) noexcept {
+  if (failed_) return;
+  if (stage_ == StartupStage::answer) {
+    // Silence says least: keep what else was seen.
+    if (cause != Errc::timeout || last_error_ == Errc::ok) last_error_ = cause;
+    if (now >= give_up_) return fail(last_error_);
+    due_ = now + kAskAgain;
+    return;
+  }
+  if (++retries_ > kRetries) return fail(cause);
+  due_ = now + kAskAgain;
+}
+
+void Startup::fail(Errc cause) noexcept {
+  error_ = StartupError{stage_, cause};
+  failed_ = true;
+  due_ = kNever;
+}
+
+std::optional<StartupError> Startup::take_failure() noexcept {
+  if (!failed_) return std::nullopt;
+  failed_ = false;
+  return error_;
+}
+
+}  // namespace tm485
