@@ -18,23 +18,24 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
   // Rounded up: a limit may be a little wide, never too narrow.
   speed_limit_ = (rpm << bits) / (kNsPerMinute >> 20) + 1;
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
-  last_.latch_uncertainty_ns_ = static_cast<std::uint32_t>(
+  latch_uncertainty_ns_ = static_cast<std::uint32_t>(
       std::min<std::int64_t>(profile.profile().latch_uncertainty.count(), UINT32_MAX));
 }
 
 Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
-  const bool known = last_.quality_ != Quality::invalid;
-  last_.quality_ = known && now - last_.latch_time_ <= max_hold ? Quality::held : Quality::invalid;
-  ++last_.sequence_;
-  return last_;
+  if (has_reply_ && now - latch_ > max_hold) has_reply_ = false;
+  Sample sample;
+  compose(has_reply_ ? Quality::held : Quality::invalid, sample);
+  return sample;
 }
 
 Sample PositionTracker::forget() noexcept {
   has_raw_ = false;
-  last_.quality_ = Quality::invalid;
-  last_.referenced_ = false;
-  ++last_.sequence_;
-  return last_;
+  has_reply_ = false;
+  referenced_ = false;
+  Sample sample;
+  compose(Quality::invalid, sample);
+  return sample;
 }
 
 bool PositionTracker::consistent(const Frame& earlier, const Frame& later, Time elapsed) const noexcept {

@@ -44,7 +44,7 @@ constexpr Profile any() {
   return p;
 }
 
-constexpr std::array kPresets{
+constexpr Profile kPresets[]{
     tm485("tm485_17", 17, 0x11, 16),
     tm485("tm485_17_st", 17, 0x00, 0),
     tm485("tm485_23", 23, 0x17, 16),

@@ -152,15 +152,16 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
   if (exchange_.error() != Errc::ok) return cycle_failed(exchange_.error(), now);
   const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
   if (!reply) return cycle_failed(reply.error(), now);
-  const auto sample = tracker_.update(*reply, latch_time());
-  if (!sample) return cycle_failed(sample.error(), now);
+  Sample& sample = latest_.draft();
+  if (const Errc error = tracker_.update(*reply, latch_time(), sample); error != Errc::ok)
+    return cycle_failed(error, now);
   failed_in_a_row_ = 0;
   saturating_increment(statistics_.good);
-  if (!(sample->status() & profile_->profile().reserved_status).empty())
+  if (!(sample.status() & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
-  if (sample->alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
-  if (sample->alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);
-  publish(*sample);
+  if (sample.alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
+  if (sample.alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);
+  latest_.publish();
   record(Errc::ok, now);
 }
 

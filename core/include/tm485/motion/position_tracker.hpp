@@ -27,9 +27,17 @@ class PositionTracker {
   /// `profile` must outlive the tracker.
   PositionTracker(const CompiledProfile& profile, const AxisConfig& axis) noexcept;
 
-  /// A reply latched at `latch` becomes a fresh sample. Error: position_lost (see above); then nothing
-  /// has changed and only a reply with turns, or `forget`, helps.
-  [[nodiscard]] std::expected<Sample, Errc> update(const Reply& reply, Time latch) noexcept;
+  /// A reply latched at `latch` becomes a fresh sample, written to `sample`. Answers ok, or position_lost
+  /// (see above); then nothing has changed and only a reply with turns, or `forget`, helps.
+  [[nodiscard]] Errc update(const Reply& reply, Time latch, Sample& sample) noexcept;
+
+  /// The same as a value.
+  [[nodiscard]] std::expected<Sample, Errc> update(const Reply& reply, Time latch) noexcept {
+    Sample sample;
+    const Errc error = update(reply, latch, sample);
+    if (error != Errc::ok) return std::unexpected(error);
+    return sample;
+  }
 
   /// The last sample again, marked held; invalid if it is older than `max_hold` at `now`, or if there is none.
   [[nodiscard]] Sample hold(Time now, Time max_hold) noexcept;
@@ -39,7 +47,7 @@ class PositionTracker {
   Sample forget() noexcept;
 
   /// The axis was homed, or is no longer.
-  void set_referenced(bool referenced) noexcept { last_.referenced_ = referenced; }
+  void set_referenced(bool referenced) noexcept { referenced_ = referenced; }
 
   /// True if two frames, `elapsed` apart, can come from one shaft turning at no more than max_speed_rpm.
   [[nodiscard]] bool consistent(const Frame& earlier, const Frame& later, Time elapsed) const noexcept;
@@ -49,18 +57,29 @@ class PositionTracker {
 
  private:
   [[nodiscard]] std::expected<std::int64_t, Errc> unwrap(const Frame& frame, Time latch) const noexcept;
-  void place(std::int64_t raw, std::uint32_t abs) noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
+  void compose(Quality quality, Sample& sample) noexcept;
 
   const CompiledProfile* profile_;
   AxisConfig axis_;
   std::int64_t offset_;       ///< reference turn and zero offset, in counts
   std::int64_t speed_limit_;  ///< counts per 2^20 ns
   Time unwrap_limit_;
+
+  // What the last reply left.
   std::int64_t raw_ = 0;    ///< turns * 2^bits + ABS, unwrapped
   Time position_latch_{0};  ///< when raw_ was latched
+  Time latch_{0};           ///< when the last reply was latched, with a position or without
+  std::uint32_t sequence_ = 0;
+  std::uint32_t latch_uncertainty_ns_;
+  std::int32_t turns_ = 0;
+  StatusSet status_;
+  std::uint8_t enid_ = 0;
+  DataId id_ = DataId::everything;
   bool has_raw_ = false;
-  Sample last_;
+  bool has_reply_ = false;
+  bool has_position_ = false;
+  bool referenced_ = false;
 };
 
 inline std::expected<std::int64_t, Errc> PositionTracker::unwrap(const Frame& frame,
@@ -83,17 +102,6 @@ inline std::expected<std::int64_t, Errc> PositionTracker::unwrap(const Frame& fr
   return raw_ + Frame::sign_extend(abs - static_cast<std::uint32_t>(raw_), bits);
 }
 
-inline void PositionTracker::place(std::int64_t raw, std::uint32_t abs) noexcept {
-  const unsigned bits = profile_->profile().single_turn_bits;
-  raw_ = raw;
-  has_raw_ = true;
-  last_.single_turn_ = abs;
-  const std::int64_t position = raw - offset_;
-  last_.position_ = axis_.reversed ? -position : position;
-  const std::uint32_t angle = (abs << (32 - bits)) * axis_.pole_pairs;
-  last_.electrical_angle_ = (axis_.reversed ? 0U - angle : angle) + axis_.electrical_offset;
-}
-
 /// A battery kept the turns over the power-off, and the encoder does not say that they were lost.
 inline bool PositionTracker::turns_survived(const Frame& frame) const noexcept {
   constexpr StatusSet kTurnsLost =
@@ -103,27 +111,50 @@ inline bool PositionTracker::turns_survived(const Frame& frame) const noexcept {
          (frame.status() & kTurnsLost).empty();
 }
 
-inline std::expected<Sample, Errc> PositionTracker::update(const Reply& reply, Time latch) noexcept {
+/// Writes every field, straight to where the sample is wanted: copying a record that was just written
+/// field by field costs more than writing it twice (a store-forwarding stall per 16 bytes).
+inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
+  const unsigned bits = profile_->profile().single_turn_bits;
+  const auto single_turn = static_cast<std::uint32_t>(raw_) & ((1U << bits) - 1U);
+  const std::uint32_t angle = (single_turn << (32 - bits)) * axis_.pole_pairs;
+  const std::int64_t position = raw_ - offset_;
+  sample.position_ = axis_.reversed ? -position : position;
+  sample.latch_time_ = latch_;
+  sample.sequence_ = ++sequence_;
+  sample.single_turn_ = single_turn;
+  sample.turns_ = turns_;
+  sample.electrical_angle_ = (axis_.reversed ? 0U - angle : angle) + axis_.electrical_offset;
+  sample.latch_uncertainty_ns_ = latch_uncertainty_ns_;
+  sample.status_ = status_;
+  sample.enid_ = enid_;
+  sample.id_ = id_;
+  sample.quality_ = quality;
+  sample.alarm_ = profile_->profile().alarms.level(status_);
+  sample.referenced_ = referenced_;
+  sample.has_position_ = has_position_;
+}
+
+inline Errc PositionTracker::update(const Reply& reply, Time latch, Sample& sample) noexcept {
   const Frame& frame = reply.frame();
   const Layout& fields = frame.fields();
   if (fields.abs_at != 0) {
     const auto raw = unwrap(frame, latch);
-    if (!raw) return std::unexpected(raw.error());
-    if (!has_raw_) last_.referenced_ = turns_survived(frame);
-    place(*raw, frame.abs());
+    if (!raw) return raw.error();
+    if (!has_raw_) referenced_ = turns_survived(frame);
+    raw_ = *raw;
+    has_raw_ = true;
     position_latch_ = latch;
   }
   const unsigned multi_turn_bits = profile_->profile().multi_turn_bits;
-  if (fields.abm_at != 0 && multi_turn_bits != 0) last_.turns_ = frame.turns(multi_turn_bits);
-  if (fields.enid_at != 0) last_.enid_ = frame.enid();
-  last_.status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : last_.status_.almc());
-  last_.alarm_ = profile_->profile().alarms.level(last_.status_);
-  last_.id_ = fields.id;
-  last_.has_position_ = fields.abs_at != 0;
-  last_.quality_ = Quality::fresh;
-  last_.latch_time_ = latch;
-  ++last_.sequence_;
-  return last_;
+  if (fields.abm_at != 0 && multi_turn_bits != 0) turns_ = frame.turns(multi_turn_bits);
+  if (fields.enid_at != 0) enid_ = frame.enid();
+  if (fields.sf_at != 0) status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : status_.almc());
+  id_ = fields.id;
+  has_position_ = fields.abs_at != 0;
+  has_reply_ = true;
+  latch_ = latch;
+  compose(Quality::fresh, sample);
+  return Errc::ok;
 }
 
 }  // namespace tm485

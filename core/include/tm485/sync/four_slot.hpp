@@ -22,13 +22,24 @@ class FourSlot {
  public:
   /// Writer. Replaces the newest value. One copy of T, two loads, two stores.
   void put(const T& value) noexcept {
+    draft() = value;
+    publish();
+  }
+
+  /// Writer. The slot that the next publish() makes the newest value: fill it in place. It holds some
+  /// older value; every part of it must be written, and publish() must follow before the next draft().
+  [[nodiscard]] T& draft() noexcept {
     // seq_cst throughout: the argument needs one order of the announcements that both sides agree on.
-    // reading_ pairs with its store in get(), newest_ and latest_ with their loads in get().
-    const std::uint8_t pair = reading_.load() ^ 1U;
-    const std::uint8_t slot = newest_[pair].load() ^ 1U;
-    slots_[pair][slot] = value;
-    newest_[pair].store(slot);
-    latest_.store(pair);
+    // reading_ pairs with its store in get().
+    pair_ = reading_.load() ^ 1U;
+    slot_ = newest_[pair_].load() ^ 1U;
+    return slots_[pair_][slot_];
+  }
+
+  /// Writer. The draft becomes the newest value.
+  void publish() noexcept {
+    newest_[pair_].store(slot_);  // pairs with the load in get()
+    latest_.store(pair_);         // pairs with the load in get()
   }
 
   /// Reader. The newest value, or T{} before the first. The reference stays good until the next get().
@@ -44,6 +55,8 @@ class FourSlot {
   std::array<std::atomic<std::uint8_t>, 2> newest_{};
   std::atomic<std::uint8_t> latest_{0};
   std::atomic<std::uint8_t> reading_{0};
+  std::uint8_t pair_ = 0;  ///< writer: where the draft is
+  std::uint8_t slot_ = 0;
 };
 
 }  // namespace tm485

@@ -20,7 +20,16 @@ class TripleBuffer {
  public:
   /// Writer. Replaces the newest value. One copy of T and one exchange.
   void put(const T& value) noexcept {
-    slots_[writer_].value = value;
+    draft() = value;
+    publish();
+  }
+
+  /// Writer. The slot that the next publish() makes the newest value: fill it in place. It holds some
+  /// older value; every part of it must be written.
+  [[nodiscard]] T& draft() noexcept { return slots_[writer_].value; }
+
+  /// Writer. The draft becomes the newest value. One exchange.
+  void publish() noexcept {
     // release: pairs with the acquire in get(), so that the reader who takes this index sees the value.
     // acquire: pairs with the release in get(), so that the reader has done with the slot we take back.
     writer_ =

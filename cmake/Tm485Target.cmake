@@ -1,0 +1,36 @@
+# What every target of the stack has in common. All of it is private to the target: a program that links the stack
+# gets an include folder and the language standard, and no flag, warning or definition besides.
+
+# tm485_target(<target> [NO_EXCEPTIONS])
+#   NO_EXCEPTIONS  build without exceptions and run-time type information, as on a microcontroller
+function(tm485_target target)
+  cmake_parse_arguments(PARSE_ARGV 1 ARG "NO_EXCEPTIONS" "" "")
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  target_compile_features(${target} PUBLIC cxx_std_23)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow)
+  if(TM485_WERROR)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(ARG_NO_EXCEPTIONS)
+    target_compile_options(${target} PRIVATE -fno-exceptions -fno-rtti)
+  endif()
+endfunction()
+
+# tm485_library(<name> SOURCES <files> LINK <targets> [NO_EXCEPTIONS])
+#   the static library tm485_<name>, alias tm485::<name>, with its public headers in ./include
+function(tm485_library name)
+  cmake_parse_arguments(PARSE_ARGV 1 ARG "NO_EXCEPTIONS" "" "SOURCES;LINK")
+  set(target tm485_${name})
+  add_library(${target} STATIC ${ARG_SOURCES})
+  add_library(tm485::${name} ALIAS ${target})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(${target} PUBLIC
+    "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
+    "$<INSTALL_INTERFACE:include>")
+  target_link_libraries(${target} PUBLIC ${ARG_LINK})
+  if(ARG_NO_EXCEPTIONS)
+    tm485_target(${target} NO_EXCEPTIONS)
+  else()
+    tm485_target(${target})
+  endif()
+endfunction()
