@@ -1,0 +1,185 @@
+#!/usr/bin/env bash
+# Everything that is checked besides the tests with GCC (those are tools/test.sh).
+#
+#   tools/check.sh                 all steps
+#   tools/check.sh STEP...         these only
+#   tools/check.sh --list          their names
+#   tools/check.sh --fix           puts the sources into the format that the step `format` asks for
+#
+# Installs what is missing. The last line is "N passed, N failed", counted in steps.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+cd "$root"
+
+# Cheap steps first: what fails, fails early.
+steps=(policy format headers heap arm clang asan tidy)
+declare -A about
+warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
+
+# sources PATTERN...: the tree's files, with those that are not yet committed. None at all is an error.
+sources() { git -c safe.directory="$root" ls-files --cached --others --exclude-standard -- "$@" | sort -u | grep .; }
+
+about[policy]="include layers, headers of the core, words (tools/policy.py, and its self-test)"
+step_policy() {
+  python3 tools/policy.py --self-test && python3 tools/policy.py
+}
+
+about[format]="clang-format-19"
+step_format() {
+  sources '*.hpp' '*.h' '*.cpp' '*.c' | xargs -r -P "$jobs" -n 16 clang-format-19 --dry-run -Werror 2>&1 | head -n 60
+}
+
+about[headers]="each public header compiles alone, twice included: GCC, Clang 19, the core's also for Cortex-M"
+# header_alone HEADER COMPILER...
+header_alone() {
+  local header=$1
+  shift
+  printf '#include "%s"\n#include "%s"\n' "$header" "$header" | "$@" -x c++ - && return
+  printf '%s does not compile alone: %s\n' "$header" "$*" >&2
+  return 1
+}
+step_headers() {
+  local part headers header name own compiler flags="-std=c++23 -fsyntax-only ${warnings[*]} -Icore/include"
+  export -f header_alone
+  for part in core hal/sim hal/linux; do
+    # A hal's headers see the core and their own folder, and no other.
+    own="-I$part/include"
+    headers=$(sources "$part/include/*.hpp") || exit
+    for header in $headers; do
+      name=${header#*/include/}
+      for compiler in g++ clang++-19; do
+        printf '%s %s %s %s\n' "$name" "$compiler" "$flags" "$own"
+      done
+      if [[ $part == core ]]; then
+        printf '%s arm-none-eabi-g++ -mcpu=cortex-m0plus -mthumb -fno-exceptions -fno-rtti %s\n' "$name" "$flags"
+      fi
+    done
+  done | xargs -P "$jobs" -L 1 bash -c 'header_alone "$@"' header_alone
+}
+
+# join LD ARCHIVE OBJECT OUT: the whole archive and a program's object in one, so that what it leaves undefined are
+# the symbols that the core takes from others, templates included.
+join() { "$1" -r --whole-archive "$2" "$3" -o "$4"; }
+
+# undefined_in NM OBJECT
+undefined_in() { "$1" --undefined-only --format=posix "$2" | cut -d' ' -f1; }
+
+about[heap]="the core uses neither heap nor exceptions, on the host (tests/firmware is its user)"
+step_heap() {
+  build dev tm485_core || return
+  local folder=build/dev/core found
+  g++ -std=c++23 -O2 -fno-exceptions -fno-rtti -Icore/include -c tests/firmware/firmware.cpp -o "$folder/user.o" &&
+    join ld "$folder/libtm485_core.a" "$folder/user.o" "$folder/whole.o" || return
+  found=$(undefined_in nm "$folder/whole.o" | grep -E \
+    '^(malloc|calloc|realloc|free|aligned_alloc|posix_memalign|_Zn[wa].*|_Zd[la].*|__cxa_.*|_Unwind_.*|_ZSt[0-9]+__throw_.*)$' || true)
+  [[ -z $found ]] || { printf 'the core uses:\n%s\n' "$found" >&2 && return 1; }
+}
+
+about[arm]="the core for Cortex-M0+, M4F and M7: builds, needs only memory and compiler helpers, keeps no static RAM; its size"
+step_arm() {
+  local preset folder object found bad=0
+  for preset in arm-m0plus arm arm-m7; do
+    folder=build/$preset
+    object=$folder/tests/firmware/CMakeFiles/tm485_firmware.dir/firmware.cpp.obj
+    if ! build "$preset" || ! join arm-none-eabi-ld "$folder/core/libtm485_core.a" "$object" "$folder/whole.o"; then
+      bad=1
+      continue
+    fi
+    found=$(undefined_in arm-none-eabi-nm "$folder/whole.o" | grep -vE '^(mem(cpy|set|move|cmp)|__aeabi_.*|__gnu_thumb.*)$' || true)
+    [[ -z $found ]] || { printf '%s: the core needs:\n%s\n' "$preset" "$found" >&2 && bad=1; }
+  done
+  ((bad)) || report_size build/arm || bad=1
+  return "$bad"
+}
+# report_size FOLDER: how big the core is. Static RAM would be state that two buses share, or a table that failed to
+# land in flash, so it is refused.
+report_size() {
+  local status=0
+  printf 'Cortex-M4, -Os (goal for the core'"'"'s code: 6144 B):\n'
+  arm-none-eabi-size -A "$1/core/libtm485_core.a" | awk '
+    $1 ~ /^\.text/ { code += $2 }
+    $1 ~ /^\.rodata/ { constants += $2 }
+    $1 ~ /^\.(data|bss)/ { ram += $2 }
+    END {
+      printf "  the library, all of it:            code %5d B, constants %5d B, static RAM %d B\n", code, constants, ram
+      exit ram != 0
+    }' || status=1
+  { arm-none-eabi-size -A "$1/tests/firmware/tm485_firmware"; arm-none-eabi-nm -S --radix=d "$1/tests/firmware/tm485_firmware"; } | awk '
+    $1 == ".text" { code = $2 }
+    $1 == ".rodata" { constants = $2 }
+    NF == 4 && $3 ~ /^[tTwW]$/ && $4 ~ /5tm485|^firmware_entry$/ && !($1 in seen) { seen[$1] = 1; own += $2 }
+    END {
+      printf "  a firmware with the whole bus:     code %5d B, constants %5d B\n", own, constants
+      printf "  compiler and C library in it:      code %5d B\n", code - own
+    }'
+  ((status == 0)) || printf 'the core has static RAM\n' >&2
+  return "$status"
+}
+
+about[clang]="Clang 19: build and tests"
+step_clang() { build clang-dev && tests_of clang-dev; }
+
+about[asan]="address and undefined-behaviour sanitizers: build and tests"
+step_asan() { build asan && tests_of asan; }
+
+tests_of() {
+  local status=0
+  run_tests "$1" || status=$?
+  printf '%d tests passed, %d failed\n' "$passed" "$failed"
+  return "$status"
+}
+
+about[tidy]="clang-tidy-19 over core, hal and tools"
+step_tidy() {
+  quiet build/clang-dev/configure.log cmake --preset clang-dev || return
+  sources 'core/*.cpp' 'hal/*.cpp' 'tools/*.cpp' |
+    xargs -r -P "$jobs" -n 1 clang-tidy-19 -p build/clang-dev --quiet 2>build/clang-dev/tidy.log || {
+    grep -vE '^[0-9]+ warnings? (generated|treated)' build/clang-dev/tidy.log >&2
+    return 1
+  }
+}
+
+case "${1:-}" in
+  -h | --help)
+    sed -n '2,/^set /{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"
+    exit 0
+    ;;
+  --list)
+    for step in "${steps[@]}"; do
+      printf '%-8s %s\n' "$step" "${about[$step]}"
+    done
+    exit 0
+    ;;
+  --fix)
+    tools/setup.sh check
+    sources '*.hpp' '*.h' '*.cpp' '*.c' | xargs -r clang-format-19 -i
+    exit 0
+    ;;
+esac
+
+for step in "$@"; do
+  if ! declare -F "step_$step" >/dev/null; then
+    printf 'check: no step %s; there are: %s\n' "$step" "${steps[*]}" >&2
+    exit 2
+  fi
+done
+(($# == 0)) || steps=("$@")
+
+say "Setting up: Debian packages that are missing (tools/packages.txt, groups run and check)"
+tools/setup.sh run check
+
+good=0 bad_steps=()
+for step in "${steps[@]}"; do
+  say "$step: ${about[$step]}"
+  started=$SECONDS
+  if "step_$step"; then
+    good=$((good + 1)) outcome=passed
+  else
+    bad_steps+=("$step") outcome=FAILED
+  fi
+  printf '%s %s in %d s\n' "$step" "$outcome" $((SECONDS - started))
+done
+
+((${#bad_steps[@]} == 0)) || printf '\nFailed: %s\n' "${bad_steps[*]}"
+printf '\n%d passed, %d failed\n' "$good" "${#bad_steps[@]}"
+((${#bad_steps[@]} == 0))
