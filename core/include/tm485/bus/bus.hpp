@@ -38,7 +38,9 @@ struct BusConfig {
   AxisConfig axis;
   Time max_hold = std::chrono::milliseconds(2);  ///< a held sample older than this is invalid
   std::uint8_t startup_frames = 4;               ///< mutually consistent frames before anything is fresh
-  std::uint8_t lost_after = 8;                   ///< failed cycles in a row after which start-up begins again
+  /// Start-up begins again after three or more failed cycles in a row that last this long; 0: half of the
+  /// profile's boot_time_min, so that no restart of the encoder goes unnoticed behind them.
+  Time lost_after{0};
 };
 
 enum class BusState : std::uint8_t { stopped, startup, running };
@@ -72,7 +74,9 @@ class Bus {
         config_(config),
         capability_(port.capability()),
         tracker_(profile, config.axis),
-        startup_(profile, tracker_, config.startup_frames) {}
+        startup_(profile, tracker_, config.startup_frames) {
+    if (config_.lost_after == Time{0}) config_.lost_after = profile.profile().boot_time_min / 2;
+  }
 
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
@@ -124,8 +128,8 @@ class Bus {
   using Kind = CycleRecord::Kind;
 
   // What to do next, and when.
-  [[nodiscard]] Time next_due() const noexcept;
-  [[nodiscard]] bool background_fits(Time now) const noexcept;
+  [[nodiscard]] Time next_due(Time now) const noexcept;
+  [[nodiscard]] bool background_fits(Time start) const noexcept;
   void begin_due(Time now) noexcept;
   void send(const Request& request, Kind kind, Time now) noexcept;
   [[nodiscard]] bool line_is_quiet(Time now) noexcept;
@@ -143,6 +147,7 @@ class Bus {
   void begin_startup(Time now) noexcept;
   void poll_quiet(Time now) noexcept;
   void after_startup_step(Time now) noexcept;
+  void shape_histograms() noexcept;
   void cycle_failed(Errc cause, Time now) noexcept;
   void publish(const Sample& sample) noexcept { latest_.put(sample); }
 
@@ -170,6 +175,7 @@ class Bus {
   std::uint8_t failed_in_a_row_ = 0;
   Time slot_{0};          ///< of the cyclic exchange under way
   Time cyclic_start_{0};  ///< of the last cyclic request
+  Time last_good_{0};     ///< when the last good cycle or start-up was seen
   Statistics statistics_;
   CycleRecord record_;
   std::uint32_t record_count_ = 0;

@@ -16,6 +16,7 @@ std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
     scheduler_ = *scheduler;
     cyclic_request_ = *Request::make(config_.cycle->id);
   }
+  shape_histograms();
   begin_startup(now);
   return {};
 }
@@ -29,27 +30,28 @@ Time Bus<P>::poll(Time now) noexcept {
   }
   if (state_ == BusState::stopped) return kNever;
   if (state_ == BusState::startup && startup_.stage() == StartupStage::quiet) poll_quiet(now);
-  const Time due = next_due();
+  const Time due = next_due(now);
   if (now < due) return due;
   begin_due(now);
-  return in_flight_ ? exchange_.deadline() + Time{1} : next_due();
+  return in_flight_ ? exchange_.deadline() + Time{1} : next_due(now);
 }
 
 template <Port P>
-Time Bus<P>::next_due() const noexcept {
+Time Bus<P>::next_due(Time now) const noexcept {
+  const Time earliest = spacing_.earliest();
   if (state_ == BusState::startup) {
-    return startup_.stage() == StartupStage::quiet ? startup_.due()
-                                                   : std::max(startup_.due(), spacing_.earliest());
+    return startup_.stage() == StartupStage::quiet ? startup_.due() : std::max(startup_.due(), earliest);
   }
-  if (offered_ && (!scheduler_ || spacing_.earliest() < scheduler_->slot())) return spacing_.earliest();
-  return scheduler_ ? std::max(scheduler_->slot(), spacing_.earliest()) : kNever;
+  if (offered_ && background_fits(std::max(now, earliest))) return earliest;
+  return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
 }
 
+/// Admission: a background exchange must be over, with its T1, before the next cyclic slot.
 template <Port P>
-bool Bus<P>::background_fits(Time now) const noexcept {
+bool Bus<P>::background_fits(Time start) const noexcept {
   if (!scheduler_) return true;
   const Request& request = *offered_;
-  return now + std::max(profile_->t1(request), profile_->exchange_max(request.id())) <= scheduler_->slot();
+  return start + std::max(profile_->t1(request), profile_->exchange_max(request.id())) <= scheduler_->slot();
 }
 
 template <Port P>
@@ -156,6 +158,7 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
   if (const Errc error = tracker_.update(*reply, latch_time(), sample); error != Errc::ok)
     return cycle_failed(error, now);
   failed_in_a_row_ = 0;
+  last_good_ = now;
   saturating_increment(statistics_.good);
   if (!(sample.status() & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
@@ -170,7 +173,10 @@ void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
   saturating_increment(statistics_.failed);
   record(cause, now);
   publish(tracker_.hold(now, config_.max_hold));
-  if (++failed_in_a_row_ < config_.lost_after && cause != Errc::position_lost) return;
+  constexpr std::uint8_t kFewest = 3;
+  if (failed_in_a_row_ < kFewest) ++failed_in_a_row_;
+  const bool lost = failed_in_a_row_ == kFewest && now - last_good_ >= config_.lost_after;
+  if (!lost && cause != Errc::position_lost) return;
   saturating_increment(statistics_.lost);
   begin_startup(now);
 }
@@ -192,7 +198,9 @@ template <Port P>
 void Bus<P>::after_startup_step(Time now) noexcept {
   if (const auto failure = startup_.take_failure()) {
     saturating_increment(statistics_.startup_failures);
-    statistics_.count_error(failure->cause);
+    // A failed exchange has been counted by record(); what only the sequence can see has not.
+    if (record_.result != failure->cause || failure->stage == StartupStage::quiet)
+      statistics_.count_error(failure->cause);
     begin_startup(now);
     startup_error_ = failure;
     return;
@@ -204,9 +212,26 @@ void Bus<P>::after_startup_step(Time now) noexcept {
   saturating_increment(statistics_.startups);
   startup_error_.reset();
   failed_in_a_row_ = 0;
+  last_good_ = now;
   has_cyclic_start_ = false;
   state_ = BusState::running;
   if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
+}
+
+/// Sixteen bins where they tell most: around the period, and over the T2 window or the port's latency.
+template <Port P>
+void Bus<P>::shape_histograms() noexcept {
+  constexpr std::uint8_t kFine = 8;  // 256 ns a bin
+  const Time half = Time{std::int64_t{Histogram::kBins / 2} << kFine};
+  if (scheduler_ && statistics_.t1.count() == 0)
+    statistics_.t1 = TimeStatistic(scheduler_->period() - half, kFine);
+  if (statistics_.reply_delay.count() != 0) return;
+  std::uint8_t shift = kFine;
+  if (!capability_.wire_timestamps) {
+    while (Time{std::int64_t{Histogram::kBins} << shift} < capability_.latency_allowance) ++shift;
+  }
+  statistics_.reply_delay =
+      TimeStatistic(capability_.wire_timestamps ? profile_->profile().t2_min : Time{0}, shift);
 }
 
 template <Port P>

@@ -45,7 +45,7 @@ class Exchange {
 
   [[nodiscard]] State state() const noexcept { return state_; }
   /// While waiting: on_time() must be called at the latest now.
-  [[nodiscard]] Time deadline() const noexcept { return received_ == 0 ? first_deadline_ : last_deadline_; }
+  [[nodiscard]] Time deadline() const noexcept { return deadline_; }
 
   [[nodiscard]] DataId id() const noexcept { return request_.id(); }
   [[nodiscard]] const Request& request() const noexcept { return request_; }
@@ -84,8 +84,7 @@ class Exchange {
   Request request_ = *Request::make(DataId::everything);
   Time start_{0};
   Time request_end_{0};
-  Time first_deadline_{0};
-  Time last_deadline_{0};
+  Time deadline_{0};
   Time reply_delay_{0};
   Time t2_min_{0};
   Time t2_max_{0};
@@ -107,10 +106,7 @@ inline void Exchange::begin(const Request& request, Time start, const CompiledPr
   error_ = Errc::ok;
   pending_ = Errc::ok;
   reply_delay_ = Time{0};
-  const Time latest_start = request_end_ + t2_max_ + port.latency_allowance;
-  last_deadline_ = latest_start + character * (row.reply_length + 1);
-  // Without wire timestamps the host may see the whole reply at once, so only the last deadline means anything.
-  first_deadline_ = port.wire_timestamps ? latest_start + character * 2 : last_deadline_;
+  deadline_ = request_end_ + t2_max_ + character * (row.reply_length + 1) + port.latency_allowance;
   state_ = State::waiting;
 }
 
