@@ -38,9 +38,9 @@ void Startup::begin(Time now, Time latency) noexcept {
   give_up_ = due_ + profile_->profile().power_up_time;
 }
 
-void Startup::on_noise(Time now) noexcept {
+void Startup::on_noise(Errc cause, Time now) noexcept {
   if (stage_ != StartupStage::quiet || failed_) return;
-  if (now >= give_up_) return fail(Errc::line_not_quiet);
+  if (now >= give_up_) return fail(cause);
   due_ = now + quiet_span_;
 }
 

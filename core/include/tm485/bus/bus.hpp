@@ -132,7 +132,7 @@ class Bus {
   [[nodiscard]] bool background_fits(Time start) const noexcept;
   void begin_due(Time now) noexcept;
   void send(const Request& request, Kind kind, Time now) noexcept;
-  [[nodiscard]] bool line_is_quiet(Time now) noexcept;
+  [[nodiscard]] Errc check_quiet(Time now) noexcept;
 
   // The exchange under way.
   void receive(Time now) noexcept;

@@ -72,10 +72,10 @@ template <Port P>
 void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
   kind_ = kind;
   if (kind == Kind::cyclic) slot_ = scheduler_->slot();
-  const bool quiet = line_is_quiet(now);
-  const std::expected<Time, Errc> start =
-      quiet ? port_->try_send(request.bytes(), now)
-            : std::expected<Time, Errc>(std::unexpected(Errc::line_not_quiet));
+  const Errc noise = check_quiet(now);
+  const std::expected<Time, Errc> start = noise == Errc::ok
+                                              ? port_->try_send(request.bytes(), now)
+                                              : std::expected<Time, Errc>(std::unexpected(noise));
   exchange_.begin(request, start.value_or(now), *profile_, capability_);
   if (!start) [[unlikely]] {
     // Nothing went out; still keep the distance, so that a broken port is not asked in a tight loop.
@@ -96,14 +96,15 @@ void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
   in_flight_ = true;
 }
 
+/// ok, port_gone, or line_not_quiet: nobody speaks while no exchange is under way.
 template <Port P>
-bool Bus<P>::line_is_quiet(Time now) noexcept {
+Errc Bus<P>::check_quiet(Time now) noexcept {
   std::array<std::uint8_t, 16> scratch;  // not initialised: only counted
   const Reception reception = port_->try_receive(scratch, now);
   if (reception.count == 0 && reception.fault == Errc::ok) [[likely]]
-    return true;
+    return Errc::ok;
   saturating_increment(statistics_.stray_bytes, static_cast<std::uint32_t>(reception.count));
-  return false;
+  return reception.fault == Errc::port_gone ? Errc::port_gone : Errc::line_not_quiet;
 }
 
 template <Port P>
@@ -247,8 +248,9 @@ void Bus<P>::begin_startup(Time now) noexcept {
 
 template <Port P>
 void Bus<P>::poll_quiet(Time now) noexcept {
-  if (line_is_quiet(now)) return;
-  startup_.on_noise(now);
+  const Errc noise = check_quiet(now);
+  if (noise == Errc::ok) return;
+  startup_.on_noise(noise, now);
   after_startup_step(now);
 }
 

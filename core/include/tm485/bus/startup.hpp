@@ -50,8 +50,8 @@ class Startup {
     return stage_ <= StartupStage::identify ? DataId::encoder_id : DataId::everything;
   }
 
-  /// Bytes or a line fault arrived in stage quiet.
-  void on_noise(Time now) noexcept;
+  /// Bytes or a fault arrived in stage quiet: `cause` says which.
+  void on_noise(Errc cause, Time now) noexcept;
   /// due() of stage quiet has come.
   void on_quiet_time(Time now) noexcept;
   /// An exchange brought a frame that was latched at `latch`.

@@ -1,7 +1,8 @@
 // LatestValue: the newest complete value from one writer to one reader; neither ever waits.
 //
 // The mechanism is chosen at compile time by what the core can do: an atomic exchange (TripleBuffer)
-// or loads and stores only (FourSlot). Both have the same functions, put() and get().
+// or loads and stores only (FourSlot). Both have the same functions. For more than one reader see
+// shared_latest.hpp.
 #pragma once
 
 #include "tm485/sync/four_slot.hpp"
