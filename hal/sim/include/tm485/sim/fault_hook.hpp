@@ -1,0 +1,24 @@
+// The seam for injected faults: what a fault may do to a burst of characters.
+#pragma once
+
+#include "tm485/sim/burst.hpp"
+
+namespace tm485::sim {
+
+/// A fault. Called once for each burst when it is put on the line, before anyone hears it.
+class FaultHook {
+ public:
+  virtual ~FaultHook() = default;
+
+  /// May change bytes and framing errors, drop or insert characters (`count`), and shift the burst or its
+  /// driver interval in time, though not to before the instant up to which the line has been processed.
+  /// Returns true if it changed anything: an altered request is no evidence for the T1 judge.
+  virtual bool on_burst(Burst& burst) noexcept = 0;
+
+ protected:
+  FaultHook() = default;
+  FaultHook(const FaultHook&) = default;
+  FaultHook& operator=(const FaultHook&) = default;
+};
+
+}  // namespace tm485::sim

@@ -1,0 +1,53 @@
+// The simulated set-up as one value, and as text: `rpm=3000,profile=tformat_17,seed=7`.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <string>
+#include <string_view>
+
+#include "tm485/sim/encoder_model.hpp"
+#include "tm485/sim/line.hpp"
+#include "tm485/sim/motion_profile.hpp"
+#include "tm485/sim/sim_port.hpp"
+
+namespace tm485::sim {
+
+/// Everything that a simulated encoder on its line can be told.
+struct SimOptions {
+  EncoderConfig encoder;
+  MotionProfile motion;
+  LineConfig line;
+  SimPortConfig port;
+  double request_bit_errors = 0.0;  ///< probability of a wrong bit in requests, 0..1
+  double reply_bit_errors = 0.0;    ///< probability of a wrong bit in replies, 0..1
+  double lost_replies = 0.0;        ///< probability of a reply that does not come, 0..1
+  std::uint64_t seed = 1;           ///< of the faults; `seed=` in the text sets every seed
+};
+
+/// The encoder of a profile name: tm485_17, tm485_17_st (single-turn), tm485_23, tformat_17, tformat_23, and
+/// the last two with the suffix _battery. The error names the known ones.
+[[nodiscard]] std::expected<EncoderConfig, std::string> encoder_for_profile(std::string_view profile);
+
+/// Reads `key=value` pairs separated by commas, in any order; the empty text is the default set-up. Keys:
+///   profile=NAME        kind of encoder, see encoder_for_profile (tm485_17)
+///   rpm=R               constant speed; with accel= a trapezoid of this top speed
+///   accel=R             rpm per second: back and forth with ramps; cruise=T at the top speed (1s)
+///   motion=constant:RPM | sine:REV:HZ | trapezoid:RPM:RPM_PER_S:SECONDS
+///   start=REV           angle at time 0, in revolutions
+///   turn=N              turn count at power-up
+///   seed=N              of everything random
+///   enid=HEX sf=HEX almc=HEX   what the encoder reports; without sf= it follows from almc=
+///   t2=T or t2=T..T     gap between request and reply; T with ns, us, ms or s
+///   latch_offset=T      position taken this long after the request
+///   boot=T              silent for this long after power-up
+///   echo[=on|off]       the host hears itself
+///   jitter=T            requests start up to T late; margin=T states it in the port's capability
+///   release=T           the host's driver leaves the line T after the last stop bit
+///   baud=N              bits per second
+///   ber=P or ber=P:P    probability of a wrong bit, in requests and in replies
+///   lost=P              probability of a lost reply
+/// The error names the key or value that is wrong and what is known instead. May allocate: set-up only.
+[[nodiscard]] std::expected<SimOptions, std::string> parse_sim_options(std::string_view text);
+
+}  // namespace tm485::sim

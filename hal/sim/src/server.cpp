@@ -1,0 +1,142 @@
+#include "tm485/sim/server.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <span>
+#include <thread>
+#include <utility>
+
+#include "endpoint.hpp"
+#include "tm485/sim/burst.hpp"
+#include "tm485/sim/line.hpp"
+
+namespace tm485::sim {
+namespace {
+
+constexpr int kStopPollMs = 50;
+constexpr Time kLongestSleep = std::chrono::milliseconds{kStopPollMs};
+
+/// A sleep may end this much late, so the rest before a deadline is waited for in a loop.
+constexpr Time kSpin = std::chrono::microseconds{150};
+
+/// A client's write may reach us in pieces. Within these spans what comes next still belongs to a request
+/// that is incomplete, or to one that was bad.
+constexpr Time kRequestMayPause = std::chrono::milliseconds{20};
+constexpr Time kRefuseMayPause = std::chrono::microseconds{100};
+
+EncoderConfig without_host_timing(EncoderConfig config) {
+  config.reset_spacing = Time{0};
+  return config;
+}
+
+std::int64_t monotonic_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace
+
+Server::Server(const SimOptions& options, std::unique_ptr<Endpoint> endpoint)
+    : endpoint_{std::move(endpoint)},
+      model_{without_host_timing(options.encoder), options.motion},
+      character_time_{Line{nullptr, options.line}.character_time()},
+      echo_{options.line.echo},
+      epoch_ns_{monotonic_ns()},
+      last_seen_{-kNever},
+      request_end_{-kNever},
+      line_free_{-kNever} {}
+
+Server::Server(Server&&) noexcept = default;
+Server& Server::operator=(Server&&) noexcept = default;
+Server::~Server() = default;
+
+std::expected<Server, ServerError> Server::open_pty(const SimOptions& options, const std::string& link_path) {
+  auto endpoint = Endpoint::open_pty(link_path);
+  if (!endpoint) return std::unexpected{endpoint.error()};
+  return Server{options, std::move(*endpoint)};
+}
+
+std::expected<Server, ServerError> Server::open_unix(const SimOptions& options, const std::string& path) {
+  auto endpoint = Endpoint::open_unix(path);
+  if (!endpoint) return std::unexpected{endpoint.error()};
+  return Server{options, std::move(*endpoint)};
+}
+
+const std::string& Server::path() const noexcept { return endpoint_->path(); }
+
+Time Server::now() const { return Time{monotonic_ns() - epoch_ns_}; }
+
+std::expected<void, ServerError> Server::serve(const std::atomic<bool>& stop) {
+  std::array<std::uint8_t, 64> buffer{};
+  while (!stop.load(std::memory_order_relaxed)) {
+    const auto count = endpoint_->wait(buffer, kStopPollMs);
+    if (!count) return std::unexpected{count.error()};
+    statistics_.clients = endpoint_->clients();
+    if (*count != 0) handle(buffer.data(), *count, stop);
+  }
+  return {};
+}
+
+bool Server::continues_request(Time now) const noexcept {
+  if (last_answered_) return false;
+  return now - last_seen_ < (model_.mid_request() ? kRequestMayPause : kRefuseMayPause);
+}
+
+/// Puts bytes that were read on an imagined wire, one behind the other from now on, and answers when the
+/// answer would have passed it. No further bytes are read meanwhile, which holds a flood to the line's rate.
+void Server::handle(const std::uint8_t* bytes, std::size_t count, const std::atomic<bool>& stop) {
+  const Time seen = now();
+  Time start = request_end_;
+  if (!continues_request(seen)) {
+    start = std::max({seen, request_end_ + model_.config().request_gap, line_free_});
+  }
+  last_seen_ = seen;
+  last_answered_ = false;
+  statistics_.bytes_in += count;
+
+  Burst reply;
+  for (std::size_t k = 0; k < count; ++k) {
+    // At most one of these completes a request: what follows without a gap is ignored by the model.
+    Burst answer;
+    const Time end = start + character_time_;
+    if (model_.on_character(bytes[k], start, end, true, Judged::no, answer)) {
+      reply = answer;
+      last_answered_ = true;
+    }
+    start = end;
+  }
+  request_end_ = start;
+  if (echo_) {
+    wait_until(request_end_, last_answered_, stop);
+    write(bytes, count);
+  }
+  if (!last_answered_) {
+    wait_until(request_end_, false, stop);
+    return;
+  }
+  line_free_ = reply.driver_off;
+  wait_until(reply.start + character_time_ * reply.count, true, stop);
+  write(reply.bytes.data(), reply.count);
+  ++statistics_.replies;
+}
+
+void Server::write(const std::uint8_t* bytes, std::size_t count) {
+  statistics_.bytes_dropped += count - endpoint_->write(std::span{bytes, count});
+}
+
+/// Sleeps as long as that is safe, and, if it must be exact, loops for the short rest.
+void Server::wait_until(Time instant, bool exactly, const std::atomic<bool>& stop) const {
+  for (Time left = instant - now(); left > Time{0}; left = instant - now()) {
+    if (stop.load(std::memory_order_relaxed)) return;
+    if (left > kSpin) {
+      std::this_thread::sleep_for(std::min(left - kSpin, kLongestSleep));
+    } else if (!exactly) {
+      std::this_thread::sleep_for(left);
+    }
+  }
+}
+
+}  // namespace tm485::sim
