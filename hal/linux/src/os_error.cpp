@@ -1,0 +1,77 @@
+#include "tm485/linux/os_error.hpp"
+
+#include <array>
+#include <cerrno>
+#include <span>
+#include <system_error>
+#include <utility>
+
+namespace tm485::linux_hal {
+namespace {
+
+struct Remedy {
+  int error_number;
+  std::string_view text;
+};
+
+constexpr std::array kSerialRemedies{
+    Remedy{ENOENT, "check the name and that the device is plugged in (ls /dev/tty*, journalctl -k)"},
+    Remedy{ENODEV, "the device node has no driver behind it: plug the adapter in again, or load its driver"},
+    Remedy{ENXIO, "the device behind this node is gone: plug the adapter in again"},
+    Remedy{EACCES,
+           "join the group that owns the device, usually 'sudo adduser $USER dialout', and log in again"},
+    Remedy{EPERM, "the system forbids this access: in a container, pass the device through"},
+    Remedy{EBUSY,
+           "another program uses the port: stop it (fuser -v on the path names it; "
+           "ModemManager and getty are usual suspects)"},
+    Remedy{ENOTTY, "this is not a serial port: give a path such as /dev/ttyUSB0, /dev/ttyAMA0 or /dev/pts/3"},
+    Remedy{EISDIR, "this is a folder: give the path of the device itself"},
+    Remedy{EIO,
+           "no hardware answers behind this port: a /dev/ttyS* that the machine does not have, "
+           "or an adapter that was unplugged"},
+    Remedy{EROFS, "the file system is read-only and this is not a device: give the path of a serial port"},
+    Remedy{EINVAL, "the driver refuses 8N1 at this rate: choose another rate or another adapter"},
+    Remedy{EMFILE, "this program has too many files open: close some, or raise 'ulimit -n'"},
+};
+
+constexpr std::array kSocketRemedies{
+    Remedy{ENOENT, "no server has made this socket: is 'tm485 sim --unix' running, with this path?"},
+    Remedy{ECONNREFUSED,
+           "nothing listens on this path: is 'tm485 sim --unix' still running? "
+           "A socket file outlives its server"},
+    Remedy{EACCES, "the socket belongs to another user: run both ends as the same one, or change its mode"},
+    Remedy{EAGAIN, "the server does not accept: another client has it, or it is stopped"},
+    Remedy{EPROTOTYPE, "this is another kind of socket: give the path of a stream socket"},
+    Remedy{ENAMETOOLONG, "a socket's path has at most 107 bytes: choose a shorter one"},
+    Remedy{EINVAL, "give the path of the socket"},
+    Remedy{EMFILE, "this program has too many files open: close some, or raise 'ulimit -n'"},
+};
+
+constexpr std::string_view kOther = "not expected here: look at the kernel's messages (journalctl -k)";
+
+constexpr bool is_absent(int error_number) noexcept {
+  return error_number == ENOENT || error_number == ENODEV || error_number == ENXIO;
+}
+
+}  // namespace
+
+std::string_view remedy_for(Resource resource, int error_number) noexcept {
+  const std::span<const Remedy> table = resource == Resource::serial_port
+                                            ? std::span<const Remedy>(kSerialRemedies)
+                                            : std::span<const Remedy>(kSocketRemedies);
+  for (const Remedy& remedy : table)
+    if (remedy.error_number == error_number) return remedy.text;
+  return kOther;
+}
+
+OsError make_os_error(Resource resource, std::string_view path, std::string_view operation,
+                      int error_number) {
+  std::string what = "cannot open ";
+  what.append(path).append(": ").append(operation).append(": ");
+  what += std::generic_category().message(error_number);
+  what += " (errno " + std::to_string(error_number) + ")";
+  return {is_absent(error_number) ? Errc::port_gone : Errc::bad_argument, error_number, std::move(what),
+          std::string(remedy_for(resource, error_number))};
+}
+
+}  // namespace tm485::linux_hal
