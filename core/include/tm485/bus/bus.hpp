@@ -39,7 +39,8 @@ struct BusConfig {
   Time max_hold = std::chrono::milliseconds(2);  ///< a held sample older than this is invalid
   std::uint8_t startup_frames = 4;               ///< mutually consistent frames before anything is fresh
   /// Start-up begins again after three or more failed cycles in a row that last this long; 0: half of the
-  /// profile's boot_time_min, so that no restart of the encoder goes unnoticed behind them.
+  /// profile's boot_time_min. In any case after failures that last as long as boot_time_min: a restart of the
+  /// encoder must not go unnoticed behind them.
   Time lost_after{0};
 };
 

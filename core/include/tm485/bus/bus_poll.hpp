@@ -133,8 +133,10 @@ Errc Bus<P>::silence_cause(Time now) noexcept {
 
 template <Port P>
 void Bus<P>::finish(Time now) noexcept {
-  if (in_flight_ && exchange_.error() == Errc::ok && !capability_.wire_timestamps)
-    spacing_.on_reply_seen(now, profile_->exchange_min(exchange_.id()), profile_->t1(exchange_.request()));
+  if (in_flight_ && !capability_.wire_timestamps && exchange_.has_reply_delay()) {
+    const Time shortest = profile_->exchange_min(exchange_.id(), exchange_.reply().size());
+    spacing_.on_reply_seen(now, shortest, profile_->t1(exchange_.request()));
+  }
   in_flight_ = false;
   switch (kind_) {
     case Kind::cyclic:
@@ -176,7 +178,9 @@ void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
   publish(tracker_.hold(now, config_.max_hold));
   constexpr std::uint8_t kFewest = 3;
   if (failed_in_a_row_ < kFewest) ++failed_in_a_row_;
-  const bool lost = failed_in_a_row_ == kFewest && now - last_good_ >= config_.lost_after;
+  const Time silent = now - last_good_;
+  const bool lost = (failed_in_a_row_ == kFewest && silent >= config_.lost_after) ||
+                    silent >= profile_->profile().boot_time_min;
   if (!lost && cause != Errc::position_lost) return;
   saturating_increment(statistics_.lost);
   begin_startup(now);

@@ -37,10 +37,10 @@ class RequestSpacing {
   [[nodiscard]] Time earliest() const noexcept { return earliest_; }
   /// A request started at `start`; the next may follow `t1` later.
   void on_start(Time start, Time t1) noexcept { earliest_ = start + t1; }
-  /// The complete reply was seen at `seen`. Without wire timestamps the start of the request is an
-  /// estimate; but its true start was at least `exchange_min` before `seen`, which bounds it from above.
-  void on_reply_seen(Time seen, Time exchange_min, Time t1) noexcept {
-    const Time bound = seen - exchange_min + t1;
+  /// Bytes of the reply were seen at `seen`. Without wire timestamps the start of the request is an
+  /// estimate; but its true start was at least `shortest` before `seen`, which bounds it from above.
+  void on_reply_seen(Time seen, Time shortest, Time t1) noexcept {
+    const Time bound = seen - shortest + t1;
     if (bound > earliest_) earliest_ = bound;
   }
 

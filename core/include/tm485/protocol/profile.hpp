@@ -119,9 +119,13 @@ class CompiledProfile {
   [[nodiscard]] constexpr Time reply_time(DataId id) const noexcept {
     return character_ * layout(id).reply_length;
   }
+  /// Shortest time from a request's start to the end of the first `bytes` of its reply.
+  [[nodiscard]] constexpr Time exchange_min(DataId id, std::size_t bytes) const noexcept {
+    return request_time(id) + profile_.t2_min + character_ * static_cast<std::int64_t>(bytes);
+  }
   /// Shortest time from a request's start to the end of its reply.
   [[nodiscard]] constexpr Time exchange_min(DataId id) const noexcept {
-    return request_time(id) + profile_.t2_min + reply_time(id);
+    return exchange_min(id, layout(id).reply_length);
   }
   /// Longest time from a request's start to the end of its reply.
   [[nodiscard]] constexpr Time exchange_max(DataId id) const noexcept {
