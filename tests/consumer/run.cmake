@@ -1,5 +1,6 @@
 # Installs a build and builds the consumer twice: by find_package, and by pkg-config and the bare compiler.
-#   cmake -DSOURCE= -DBUILD= -DCONFIG= -DCOMPILER= -DFLAGS= -DVERSION= -P run.cmake
+# Then the first example, as a project of its own.
+#   cmake -DSOURCE= -DEXAMPLE= -DBUILD= -DCONFIG= -DCOMPILER= -DFLAGS= -DVERSION= -P run.cmake
 set(work ${BUILD}/consumer)
 set(prefix ${work}/prefix)
 file(REMOVE_RECURSE ${work})
@@ -41,3 +42,8 @@ run("running what pkg-config built" ${work}/by_pkg_config)
 if(NOT output MATCHES "^tm485 ${VERSION}, ")
   message(FATAL_ERROR "the program built by pkg-config says: ${output}")
 endif()
+
+run("configuring the first example" ${CMAKE_COMMAND} -S ${EXAMPLE} -B ${work}/first_sample -G Ninja
+  -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_CXX_FLAGS=${FLAGS} -DCMAKE_BUILD_TYPE=${CONFIG})
+run("building the first example" ${CMAKE_COMMAND} --build ${work}/first_sample)
+run("running the first example" ${work}/first_sample/first_sample)

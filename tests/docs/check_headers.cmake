@@ -1,0 +1,30 @@
+# Every public header has its section in docs/api-contexts.md, and every section its header.
+#   cmake -DROOT= -P check_headers.cmake
+cmake_policy(VERSION 3.25)
+
+file(STRINGS ${ROOT}/docs/api-contexts.md sections REGEX "^### `tm485/[^`]+`")
+list(TRANSFORM sections REPLACE "^### `([^`]+)`.*" "\\1")
+
+set(headers "")
+foreach(folder IN ITEMS core/include hal/sim/include hal/linux/include)
+  file(GLOB_RECURSE found RELATIVE ${ROOT}/${folder} ${ROOT}/${folder}/*.hpp ${ROOT}/${folder}/*.h)
+  list(APPEND headers ${found})
+endforeach()
+if(headers STREQUAL "")
+  message(FATAL_ERROR "no headers under ${ROOT}")
+endif()
+
+set(problems "")
+foreach(header IN LISTS headers)
+  if(NOT header IN_LIST sections)
+    string(APPEND problems "\n  ${header} has no section")
+  endif()
+endforeach()
+foreach(section IN LISTS sections)
+  if(NOT section IN_LIST headers)
+    string(APPEND problems "\n  ${section} has a section, but there is no such header")
+  endif()
+endforeach()
+if(problems)
+  message(FATAL_ERROR "docs/api-contexts.md:${problems}")
+endif()

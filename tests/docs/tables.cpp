@@ -1,0 +1,229 @@
+// Prints the tables of the documents from the tables of the code: tm485_doc_tables NAME.
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <iostream>
+#include <iterator>
+#include <span>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "tm485/errc.hpp"
+#include "tm485/protocol/profile.hpp"
+
+namespace {
+
+using namespace tm485;
+
+void row(const std::vector<std::string>& cells) {
+  for (const std::string& cell : cells) std::cout << "| " << cell << ' ';
+  std::cout << "|\n";
+}
+
+void head(const std::vector<std::string>& cells) {
+  row(cells);
+  for (std::size_t i = 0; i < cells.size(); ++i) std::cout << "|---";
+  std::cout << "|\n";
+}
+
+std::string text(std::string_view view) { return std::string(view); }
+std::string code(std::string_view view) { return '`' + std::string(view) + '`'; }
+
+std::string hex(unsigned value, int digits) {
+  std::array<char, 16> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "%0*X", digits, value);
+  return buffer.data();
+}
+
+/// 62500 ns as "62.5 µs", in the largest unit that leaves no leading zero.
+std::string span(Time time) {
+  const std::int64_t ns = time.count();
+  std::ostringstream out;
+  if (ns >= 1'000'000'000) {
+    out << static_cast<double>(ns) * 1e-9 << " s";
+  } else if (ns >= 1'000'000) {
+    out << static_cast<double>(ns) * 1e-6 << " ms";
+  } else if (ns >= 1'000) {
+    out << static_cast<double>(ns) * 1e-3 << " µs";
+  } else {
+    out << ns << " ns";
+  }
+  return out.str();
+}
+
+std::string name_of(ErrorClass error_class) {
+  switch (error_class) {
+    case ErrorClass::transport:
+      return "transport";
+    case ErrorClass::protocol:
+      return "protocol";
+    case ErrorClass::device:
+      return "device";
+    case ErrorClass::usage:
+      return "usage";
+    case ErrorClass::none:
+      break;
+  }
+  return "none";
+}
+
+std::string id_text(DataId id) { return "ID" + hex(number(id), 1); }
+
+void errors() {
+  head({"name", "class", "cause", "remedy"});
+  for (std::size_t i = 0; i < kErrcCount; ++i) {
+    const ErrorInfo& info = describe(static_cast<Errc>(i));
+    row({code(info.name), name_of(info.error_class), text(info.cause), text(info.remedy)});
+  }
+}
+
+void status() {
+  head({"bit", "name", "cause", "remedy"});
+  for (const StatusInfo& info : status_table())
+    row({text(info.field), code(info.name), text(info.cause), text(info.remedy)});
+}
+
+/// The reply's bytes in their order, from the offsets of the layout.
+std::string reply_fields(const Layout& layout) {
+  std::vector<std::pair<unsigned, std::string>> fields{{0, "CF"}, {layout.reply_length - 1U, "CRC"}};
+  const auto add = [&](unsigned at, std::string_view what) {
+    if (at != 0) fields.emplace_back(at, what);
+  };
+  add(layout.sf_at, "SF");
+  add(layout.abs_at, "ABS×3");
+  add(layout.enid_at, "ENID");
+  add(layout.abm_at, "ABM×3");
+  add(layout.almc_at, "ALMC");
+  add(layout.adf_at, "ADF");
+  add(layout.edf_at, "EDF");
+  std::sort(fields.begin(), fields.end());
+  std::string line;
+  for (const auto& field : fields) line += (line.empty() ? "" : " ") + field.second;
+  return line;
+}
+
+std::string request_fields(const Layout& layout) {
+  constexpr std::array<std::string_view, 5> kByLength{"", "CF", "", "CF ADF CRC", "CF ADF EDF CRC"};
+  return text(kByLength.at(layout.request_length));
+}
+
+void exchanges() {
+  constexpr std::array<std::string_view, kDataIdCount> kMeaning{
+      "single-turn position", "multi-turn position", "encoder ID",       "everything", "EEPROM write",
+      "reset errors",         "reset single-turn",   "reset multi-turn", "EEPROM read"};
+  head({"ID", "CF", "meaning", "`DataId`", "request", "reply", "bytes out + back"});
+  constexpr std::array<std::string_view, kDataIdCount> kNames{
+      "single_turn",  "multi_turn",        "encoder_id",       "everything", "eeprom_write",
+      "reset_errors", "reset_single_turn", "reset_multi_turn", "eeprom_read"};
+  for (const Layout& layout : kLayouts) {
+    const std::size_t i = index_of(layout.id);
+    row({id_text(layout.id), hex(control_field(layout.id), 2), text(kMeaning.at(i)), code(kNames.at(i)),
+         request_fields(layout), reply_fields(layout),
+         std::to_string(layout.request_length) + " + " + std::to_string(layout.reply_length)});
+  }
+}
+
+void timing() {
+  Profile typical;
+  typical.t2_min = typical.t2_max = Time{3'000};
+  const auto at_3_us = CompiledProfile::compile(typical);
+  const auto profile = CompiledProfile::compile(Profile{});
+  if (!at_3_us || !profile) return;
+  head(
+      {"exchange", "wire time at T2 = 3 µs", "at the default T2 window", "default T1", "slack at T2 = 3 µs"});
+  for (const Layout& layout : kLayouts) {
+    const Time wire = at_3_us->exchange_min(layout.id);
+    const Time t1 = profile->t1(layout.id);
+    row({id_text(layout.id), span(wire),
+         span(profile->exchange_min(layout.id)) + " to " + span(profile->exchange_max(layout.id)), span(t1),
+         span(t1 - wire)});
+  }
+}
+
+std::string enids(const EnidSet& set) {
+  if (set.count == 0) return "any";
+  std::string line;
+  for (std::size_t i = 0; i < set.count; ++i) line += (i == 0 ? "" : ", ") + hex(set.values.at(i), 2);
+  return line;
+}
+
+template <class F>
+void preset_row(std::string_view title, F field) {
+  std::vector<std::string> cells{text(title)};
+  for (const Profile& preset : profile_presets()) cells.push_back(field(preset));
+  row(cells);
+}
+
+void preset_head(std::string_view title) {
+  std::vector<std::string> cells{text(title)};
+  for (const Profile& preset : profile_presets()) cells.push_back(code(preset.name));
+  head(cells);
+}
+
+void presets() {
+  const auto yes_no = [](bool yes) { return std::string(yes ? "yes" : "no"); };
+  preset_head("setting");
+  preset_row("`single_turn_bits`", [](const Profile& p) { return std::to_string(p.single_turn_bits); });
+  preset_row("`multi_turn_bits`", [](const Profile& p) { return std::to_string(p.multi_turn_bits); });
+  preset_row("`enids`", [](const Profile& p) { return enids(p.enids); });
+  preset_row("`abm_reserved`", [](const Profile& p) { return hex(p.abm_reserved, 6); });
+  preset_row("`multi_turn_start`", [](const Profile& p) { return std::to_string(p.multi_turn_start); });
+  preset_row("`battery`", [&](const Profile& p) { return yes_no(p.battery); });
+  preset_row("`reserved_status` SF, ALMC", [](const Profile& p) {
+    return hex(p.reserved_status.sf(), 2) + ", " + hex(p.reserved_status.almc(), 2);
+  });
+  preset_row("`bit_rate` bit/s", [](const Profile& p) { return std::to_string(p.bit_rate); });
+  preset_row("`echo`", [&](const Profile& p) { return yes_no(p.echo); });
+  for (const DataId id : kDataIds)
+    preset_row("`t1` " + id_text(id), [id](const Profile& p) { return span(p.t1.at(index_of(id))); });
+  preset_row("`t2_min`", [](const Profile& p) { return span(p.t2_min); });
+  preset_row("`t2_max`", [](const Profile& p) { return span(p.t2_max); });
+  preset_row("`latch_offset`", [](const Profile& p) { return span(p.latch_offset); });
+  preset_row("`latch_uncertainty`", [](const Profile& p) { return "±" + span(p.latch_uncertainty); });
+  preset_row("`power_up_time`", [](const Profile& p) { return span(p.power_up_time); });
+  preset_row("`boot_time_min`", [](const Profile& p) { return span(p.boot_time_min); });
+  preset_row("`reset_count`", [](const Profile& p) { return std::to_string(p.reset_count); });
+  preset_row("`reset_spacing`", [](const Profile& p) { return span(p.reset_spacing); });
+  preset_row("`reset_zero_settle`", [](const Profile& p) { return span(p.reset_zero_settle); });
+  preset_row("`eeprom_pages`", [](const Profile& p) { return std::to_string(p.eeprom_pages); });
+  preset_row("`eeprom_page_bytes`", [](const Profile& p) { return std::to_string(p.eeprom_page_bytes); });
+  preset_row("`eeprom_write_time`", [](const Profile& p) { return span(p.eeprom_write_time); });
+  preset_row("`eeprom_page_time`", [](const Profile& p) { return span(p.eeprom_page_time); });
+  preset_row("`eeprom_holds_bus`", [&](const Profile& p) { return yes_no(p.eeprom_holds_bus); });
+}
+
+void alarms() {
+  preset_head("bit");
+  for (const StatusInfo& info : status_table()) {
+    preset_row(text(info.field) + " " + code(info.name), [&](const Profile& p) {
+      const AlarmLevel level = p.alarms.level(info.bit);
+      return std::string(level == AlarmLevel::fault     ? "**fault**"
+                         : level == AlarmLevel::warning ? "warn"
+                                                        : "·");
+    });
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  constexpr std::array<std::pair<std::string_view, void (*)()>, 6> kTables{{{"errors", errors},
+                                                                            {"status", status},
+                                                                            {"exchanges", exchanges},
+                                                                            {"timing", timing},
+                                                                            {"presets", presets},
+                                                                            {"alarms", alarms}}};
+  for (const auto& [name, print] : kTables) {
+    if (argc == 2 && name == argv[1]) {
+      print();
+      return 0;
+    }
+  }
+  std::cerr << "usage: tm485_doc_tables";
+  for (const auto& table : kTables) std::cerr << (table.first == kTables[0].first ? " " : "|") << table.first;
+  std::cerr << '\n';
+  return 2;
+}
