@@ -29,7 +29,7 @@ constexpr std::array<Row, kErrcCount> kErrors{{
       "look for a second talker, missing bias resistors or a floating line"}},
     {Errc::echo_mismatch,
      {"echo_mismatch", transport, "the echo of the own request differs from the request",
-      "look for a second talker, or A and B swapped"}},
+      "look for a second talker, A and B swapped, or a port that does not echo (profile.echo)"}},
     {Errc::t2_out_of_window,
      {"t2_out_of_window", transport, "the reply began outside the profile's T2 window",
       "widen t2_min or t2_max in the profile if this encoder is known to do so"}},
@@ -102,6 +102,9 @@ constexpr std::array<Row, kErrcCount> kErrors{{
     {Errc::period_below_port,
      {"period_below_port", usage, "the period is below what the port can hold",
       "use a longer period or a faster port"}},
+    {Errc::abandoned,
+     {"abandoned", usage, "the exchange was given up before its reply",
+      "find out by reading whether it took effect"}},
     {Errc::bad_profile,
      {"bad_profile", usage, "the profile contradicts itself", "see the field that is named"}},
 }};

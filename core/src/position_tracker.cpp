@@ -14,12 +14,12 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
   const unsigned bits = profile.profile().single_turn_bits;
   const std::int64_t rpm = std::clamp<std::int32_t>(axis.max_speed_rpm, 1, 1'000'000);
   const bool counts_turns = profile.profile().multi_turn_bits != 0;
-  offset_ = (std::int64_t{counts_turns ? axis.reference_turn : 0} << bits) + axis.zero_offset;
+  offset_ = (std::int64_t{counts_turns ? axis.reference_turn.value_or(profile.profile().multi_turn_start) : 0}
+             << bits) +
+            axis.zero_offset;
   // Rounded up: a limit may be a little wide, never too narrow.
   speed_limit_ = (rpm << bits) / (kNsPerMinute >> 20) + 1;
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
-  latch_uncertainty_ns_ = static_cast<std::uint32_t>(
-      std::min<std::int64_t>(profile.profile().latch_uncertainty.count(), UINT32_MAX));
 }
 
 Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
@@ -48,10 +48,7 @@ bool PositionTracker::consistent(const Frame& earlier, const Frame& later, Time 
   } else {
     moved = Frame::sign_extend(later.abs() - earlier.abs(), bits);
   }
-  constexpr std::int64_t kQuantisation = 2;
-  constexpr Time kLongest = std::chrono::seconds(10);  // keeps the product in 63 bits
-  const std::int64_t limit = ((speed_limit_ * std::min(elapsed, kLongest).count()) >> 20) + kQuantisation;
-  return elapsed >= Time{0} && moved <= limit && -moved <= limit;
+  return reachable(moved, elapsed);
 }
 
 }  // namespace tm485

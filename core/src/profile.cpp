@@ -12,7 +12,7 @@ constexpr Profile tformat(std::string_view name, std::uint8_t bits, EnidSet enid
   p.enids = enids;
   p.multi_turn_start = 0;
   p.battery = battery;
-  p.reserved_status = StatusSet(0x0F, 0x00);
+  p.reserved_status = StatusSet(0xCF, 0x00);
   p.alarms = battery ? kAlarmsWithBattery : kAlarmsWithoutBattery;
   p.eeprom_pages = 6;
   p.eeprom_holds_bus = false;
@@ -20,8 +20,8 @@ constexpr Profile tformat(std::string_view name, std::uint8_t bits, EnidSet enid
   return p;
 }
 
-constexpr Profile tm485(std::string_view name, std::uint8_t bits, std::uint8_t enid,
-                        std::uint8_t multi_turn_bits) {
+constexpr Profile tm485(std::string_view name, std::uint8_t bits, std::uint8_t enid, std::uint8_t multi_turn_bits,
+                        bool battery = false) {
   Profile p;
   p.name = name;
   p.single_turn_bits = bits;
@@ -29,6 +29,8 @@ constexpr Profile tm485(std::string_view name, std::uint8_t bits, std::uint8_t e
   p.abm_reserved =
       multi_turn_bits == 0 ? 0U : p.abm_reserved;  // what such an encoder sends there is not documented
   p.enids = EnidSet{{enid}, 1};
+  p.battery = battery;
+  if (battery) p.alarms = kAlarmsWithBattery;
   return p;
 }
 
@@ -38,7 +40,7 @@ constexpr Profile any() {
   p.single_turn_bits = 24;
   p.enids = EnidSet{};
   p.abm_reserved = 0;
-  p.reserved_status = StatusSet(0x0F, 0x00);
+  p.reserved_status = StatusSet(0xCF, 0x00);
   p.alarms = AlarmPolicy{};
   p.multi_turn_start = 0;
   return p;
@@ -46,8 +48,10 @@ constexpr Profile any() {
 
 constexpr Profile kPresets[]{
     tm485("tm485_17", 17, 0x11, 16),
+    tm485("tm485_17_battery", 17, 0x11, 16, true),
     tm485("tm485_17_st", 17, 0x00, 0),
     tm485("tm485_23", 23, 0x17, 16),
+    tm485("tm485_23_battery", 23, 0x17, 16, true),
     // 17-bit encoders that report 0x17 exist, so ENID does not tell the resolution.
     tformat("tformat_17", 17, EnidSet{{0x11, 0x17}, 2}, false),
     tformat("tformat_17_battery", 17, EnidSet{{0x11, 0x17}, 2}, true),

@@ -7,9 +7,8 @@ namespace tm485 {
 std::expected<Scheduler, CycleRefusal> Scheduler::make(const Cycle& cycle, const CompiledProfile& profile,
                                                        const PortCapability& port) noexcept {
   constexpr Time kLongest = std::chrono::hours(1);
-  const bool cyclic_id = number(cycle.id) <= number(DataId::everything);
-  if (!cyclic_id || cycle.period < Time{0} || cycle.period > kLongest)
-    return std::unexpected(CycleRefusal{Errc::bad_argument});
+  if (number(cycle.id) > number(DataId::everything)) return std::unexpected(CycleRefusal{Errc::bad_argument});
+  if (cycle.period > kLongest) return std::unexpected(CycleRefusal{Errc::bad_argument, kLongest});
   const Time t1 = profile.t1(cycle.id);
   const Time nearest = std::max(t1, port.shortest_exchange);
   const Time period = cycle.period == Time{0} ? nearest : cycle.period;

@@ -33,7 +33,9 @@ void Startup::begin(Time now, Time latency) noexcept {
   retries_ = 0;
   frames_seen_ = 0;
   last_error_ = Errc::ok;
-  quiet_span_ = profile_->exchange_max(DataId::everything) + latency;
+  // As long as the longest reply, and as the longest T1: whoever used the line before may have sent a request.
+  quiet_span_ =
+      std::max(profile_->exchange_max(DataId::everything), profile_->t1(DataId::everything)) + latency;
   due_ = now + quiet_span_;
   give_up_ = due_ + profile_->profile().power_up_time;
 }
@@ -46,46 +48,53 @@ void Startup::on_noise(Errc cause, Time now) noexcept {
 
 void Startup::on_quiet_time(Time now) noexcept {
   if (stage_ != StartupStage::quiet || failed_) return;
-  stage_ = StartupStage::answer;
+  enter(StartupStage::answer);
   due_ = now;
   give_up_ = now + profile_->profile().power_up_time;
 }
 
-void Startup::on_frame(const Frame& frame, Time latch, Time now) noexcept {
+void Startup::enter(StartupStage stage) noexcept {
+  stage_ = stage;
+  retries_ = 0;
+}
+
+void Startup::on_frame(const Frame& frame, Time latch, Time uncertainty, Time now) noexcept {
   due_ = now;
   if (stage_ == StartupStage::answer) {
-    stage_ = StartupStage::identify;
+    enter(StartupStage::identify);
     return;
   }
   if (const auto reply = Reply::from(frame, *profile_); !reply) return fail(reply.error());
   switch (stage_) {
     case StartupStage::identify:
       enid_ = frame.enid();
-      stage_ = StartupStage::cross_check;
+      enter(StartupStage::cross_check);
       break;
     case StartupStage::cross_check:
       if (frame.enid() != enid_) return fail(Errc::enid_inconsistent);
-      stage_ = StartupStage::consistent;
+      enter(StartupStage::consistent);
       frames_seen_ = 1;
       previous_ = frame;
       previous_latch_ = latch;
+      previous_uncertainty_ = uncertainty;
       break;
     case StartupStage::consistent:
-      check_consistency(frame, latch);
+      check_consistency(frame, latch, uncertainty);
       break;
     default:
       break;
   }
 }
 
-void Startup::check_consistency(const Frame& frame, Time latch) noexcept {
+void Startup::check_consistency(const Frame& frame, Time latch, Time uncertainty) noexcept {
   const Time elapsed = latch - previous_latch_;
   if (frame.enid() != enid_) return fail(Errc::enid_inconsistent);
-  if (!tracker_->consistent(previous_, frame, elapsed + profile_->profile().latch_uncertainty * 2))
+  if (!tracker_->consistent(previous_, frame, elapsed + previous_uncertainty_ + uncertainty))
     return fail(Errc::frames_inconsistent);
   previous_ = frame;
   previous_latch_ = latch;
-  if (++frames_seen_ >= frames_wanted_) stage_ = StartupStage::done;
+  previous_uncertainty_ = uncertainty;
+  if (++frames_seen_ >= frames_wanted_) enter(StartupStage::done);
 }
 
 void Startup::on_error(Errc cause, Time now) noexcept {

@@ -39,10 +39,10 @@ TEST_F(BusTest, EncoderFirst) {
   make();
   start();
   EXPECT_EQ(bus->startup_stage(), StartupStage::quiet);
-  const Time quiet = profile->exchange_max(DataId::everything);
+  const Time quiet = profile->t1(DataId::everything);  // longer than the longest reply
   ASSERT_TRUE(run_until_running());
   ASSERT_GE(port.sent.size(), 2U + 4U);
-  EXPECT_EQ(port.sent[0].start, quiet) << "the line was silent for a reply time first";
+  EXPECT_EQ(port.sent[0].start, quiet) << "the line was silent for a reply time, and for the T1 of a user before us";
   EXPECT_EQ(port.sent[0].bytes, Bytes{0x92});
   EXPECT_EQ(port.sent[1].bytes, Bytes{0x92});
   for (std::size_t i = 2; i < 6; ++i) EXPECT_EQ(port.sent[i].bytes, Bytes{0x1A});
@@ -90,7 +90,7 @@ TEST_F(BusTest, NoiseInTheQuietStageIsWaitedOut) {
   start();
   for (int i = 0; i < 40; ++i) port.inject(us(30) * i, {0x55});
   ASSERT_TRUE(run_until_running());
-  EXPECT_EQ(port.sent[0].start, us(30) * 39 + us(4) + profile->exchange_max(DataId::everything));
+  EXPECT_EQ(port.sent[0].start, us(30) * 39 + us(4) + profile->t1(DataId::everything));
   EXPECT_EQ(bus->statistics().stray_bytes, 40U);
 }
 

@@ -93,7 +93,7 @@ TEST(Status, RequestErrorsSeenByTheEncoderNeverFault) {
 TEST(Status, ReservedBitsAreThoseOfTheDocument) {
   EXPECT_EQ(test::preset("tm485_17").reserved_status,
             StatusSet(0xCF, 0x3B));  // all but SF.4, SF.5 and ALMC.2, .6, .7
-  EXPECT_EQ(test::preset("tformat_17").reserved_status, StatusSet(0x0F, 0x00));
+  EXPECT_EQ(test::preset("tformat_17").reserved_status, StatusSet(0xCF, 0x00));
 }
 
 TEST(Status, LevelsOfAPolicyOfOnesOwn) {

@@ -28,17 +28,16 @@ struct World {
         encoder(encoder_config, motion),
         line(&encoder, line_config),
         port(line, port_config),
-        bus(port, profile, config_for(profile, cycle)) {}
+        bus(port, profile, config_for(cycle)) {}
 
   static CompiledProfile make(const char* name, bool echo) {
     Profile p = test::preset(name);
     p.echo = echo;
     return test::compiled(p);
   }
-  static BusConfig config_for(const CompiledProfile& profile, const Cycle& cycle) {
+  static BusConfig config_for(const Cycle& cycle) {
     BusConfig config;
     config.cycle = cycle;
-    config.axis = AxisConfig::for_profile(profile.profile());
     return config;
   }
 
@@ -143,7 +142,7 @@ TEST(BusOnSim, ThePositionIsTheModelsLatchForEveryFreshSample) {
       {"tm485_17", 17, 0x11, DataId::everything, sim::MotionProfile::constant(6'000)},
       {"tm485_17", 17, 0x11, DataId::everything, sim::MotionProfile::constant(-6'000)},
       {"tm485_17", 17, 0x11, DataId::single_turn, sim::MotionProfile::constant(-5'999, 3.5)},
-      {"tm485_23", 23, 0x17, DataId::everything, sim::MotionProfile::sine(2.5, 20)},
+      {"tm485_23", 23, 0x17, DataId::everything, sim::MotionProfile::sine(2.5, 6)},
       {"tm485_23", 23, 0x17, DataId::single_turn, sim::MotionProfile::trapezoid(3'000, 50'000, 0.05)},
   };
   for (const auto& c : kCases) {

@@ -31,7 +31,6 @@ class BusTest : public testing::Test {
   void make(const char* profile_name = "tm485_17") { make(test::preset(profile_name)); }
   void make(const Profile& p) {
     profile.emplace(test::compiled(p));
-    config.axis = AxisConfig::for_profile(p);
     bus.emplace(port, *profile, config);
   }
   void start() { ASSERT_TRUE(bus->start(driver.now)); }

@@ -23,10 +23,13 @@ class ScriptedPort {
     Bytes bytes;
     Time t2{3'000};
     Errc fault = Errc::ok;  ///< reported together with the first byte
+    Time late{0};           ///< handed out this much later than `delivery` says, and what follows not before it
   };
+  /// A request on the line: its true first start bit, and when the bus asked for it.
   struct Sent {
     Time start;
     Bytes bytes;
+    Time asked;
   };
 
   ScriptedPort() { capability_.wire_timestamps = true; }
@@ -34,24 +37,34 @@ class ScriptedPort {
   // What the test sets.
   PortCapability capability_;
   std::function<Answer(const Bytes&, Time)> answer = [](const Bytes&, Time) { return Answer{}; };
-  std::function<Time()> lateness = [] { return Time{0}; };  ///< how much later than asked a request starts
+  /// How much later than asked a request starts. The bus is told with wire timestamps only.
+  std::function<Time()> lateness = [] { return Time{0}; };
   Time delivery{0};      ///< last stop bit of a byte until it is handed out
   bool echo = false;     ///< the own request comes back
   bool refuses = false;  ///< try_send fails
   bool gone = false;     ///< the device has vanished
-  Transmission::State stuck_as = Transmission::State::sent;  ///< what transmission() says
+  Transmission::State stuck_as = Transmission::State::sent;  ///< what transmission() says of a request that left
 
   // What the test looks at.
   std::vector<Sent> sent;
   std::size_t received_bytes = 0;
 
-  /// Puts bytes on the line by a third party.
-  void inject(Time start, const Bytes& bytes, Errc fault = Errc::ok) {
+  /// Turns it into a port as a kernel gives it: no wire timestamps, bytes handed out up to `allowance` late.
+  void be_slow(Time allowance) {
+    capability_.wire_timestamps = false;
+    capability_.latency_allowance = allowance;
+  }
+
+  /// Puts bytes on the line by a third party. Bytes are handed out in the order of the line: one that is late
+  /// keeps back those behind it.
+  void inject(Time start, const Bytes& bytes, Errc fault = Errc::ok, Time late = Time{0}) {
     for (const std::uint8_t byte : bytes) {
-      const Char next{byte, start, start + kCharacter + delivery, fault};
       auto place = line_.end();
-      while (place != line_.begin() && std::prev(place)->ready > next.ready) --place;
-      line_.insert(place, next);
+      while (place != line_.begin() && std::prev(place)->start > start) --place;
+      place = line_.insert(place, {byte, start, start + kCharacter + delivery + late, fault});
+      if (place != line_.begin()) place->ready = std::max(place->ready, std::prev(place)->ready);
+      for (auto next = std::next(place); next != line_.end() && next->ready < place->ready; ++next)
+        next->ready = place->ready;
       start += kCharacter;
       fault = Errc::ok;
     }
@@ -71,13 +84,15 @@ class ScriptedPort {
     if (refuses) return std::unexpected(Errc::send_failed);
     const Time start = now + lateness();
     const Bytes bytes(request.begin(), request.end());
-    sent.push_back({start, bytes});
+    sent.push_back({start, bytes, now});
+    left_at_ = start + kCharacter * static_cast<std::int64_t>(bytes.size());
     if (echo) inject(start, bytes);
     const Answer reply = answer(bytes, start);
-    inject(start + kCharacter * static_cast<std::int64_t>(bytes.size()) + reply.t2, reply.bytes, reply.fault);
-    return start;
+    inject(left_at_ + reply.t2, reply.bytes, reply.fault, reply.late);
+    return capability_.wire_timestamps ? start : now;
   }
-  [[nodiscard]] Transmission transmission(Time) const noexcept {
+  [[nodiscard]] Transmission transmission(Time now) const noexcept {
+    if (now < left_at_) return {.state = Transmission::State::sending};
     return {.state = stuck_as, .fault = stuck_as == Transmission::State::failed ? Errc::port_gone : Errc::ok};
   }
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
@@ -85,7 +100,7 @@ class ScriptedPort {
     Reception reception;
     while (reception.count < buffer.size() && !line_.empty() && line_.front().ready <= now) {
       const Char& next = line_.front();
-      if (reception.count == 0) reception.first_start = next.start;
+      if (reception.count == 0 && capability_.wire_timestamps) reception.first_start = next.start;
       if (next.fault != Errc::ok) reception.fault = next.fault;
       buffer[reception.count++] = next.byte;
       line_.pop_front();
@@ -102,6 +117,7 @@ class ScriptedPort {
     Errc fault;
   };
   std::deque<Char> line_;
+  Time left_at_ = -kNever;  ///< last stop bit of the last request
 };
 
 static_assert(Port<ScriptedPort>);

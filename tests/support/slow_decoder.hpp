@@ -20,8 +20,10 @@ struct SlowProfile {
 };
 inline constexpr SlowProfile kSlowProfiles[] = {
     {"tm485_17", 17, true, 1, {0x11}},
+    {"tm485_17_battery", 17, true, 1, {0x11}},
     {"tm485_17_st", 17, false, 1, {0x00}},
     {"tm485_23", 23, true, 1, {0x17}},
+    {"tm485_23_battery", 23, true, 1, {0x17}},
     {"tformat_17", 17, true, 2, {0x11, 0x17}},
     {"tformat_17_battery", 17, true, 2, {0x11, 0x17}},
     {"tformat_23", 23, true, 1, {0x17}},

@@ -19,10 +19,12 @@ struct Named {
   bool multi_turn;
   bool battery;
 };
-constexpr std::array<Named, 7> kProfiles{{
+constexpr std::array<Named, 9> kProfiles{{
     {"tm485_17", Flavour::tm485, 17, 0x11, true, false},
+    {"tm485_17_battery", Flavour::tm485, 17, 0x11, true, true},
     {"tm485_17_st", Flavour::tm485, 17, 0x00, false, false},
     {"tm485_23", Flavour::tm485, 23, 0x17, true, false},
+    {"tm485_23_battery", Flavour::tm485, 23, 0x17, true, true},
     {"tformat_17", Flavour::t_format, 17, 0x11, true, false},
     {"tformat_17_battery", Flavour::t_format, 17, 0x11, true, true},
     {"tformat_23", Flavour::t_format, 23, 0x17, true, false},

@@ -36,8 +36,9 @@ namespace tm485 {
 struct BusConfig {
   std::optional<Cycle> cycle = Cycle{};  ///< none: after start-up only background exchanges
   AxisConfig axis;
-  Time max_hold = std::chrono::milliseconds(2);  ///< a held sample older than this is invalid
-  std::uint8_t startup_frames = 4;               ///< mutually consistent frames before anything is fresh
+  /// A sample is invalid when its successor is overdue by this: at an age of one period and max_hold.
+  Time max_hold = std::chrono::milliseconds(2);
+  std::uint8_t startup_frames = 4;  ///< mutually consistent frames before anything is fresh
   /// Start-up begins again after three or more failed cycles in a row that last this long; 0: half of the
   /// profile's boot_time_min. In any case after failures that last as long as boot_time_min: a restart of the
   /// encoder must not go unnoticed behind them.
@@ -79,17 +80,15 @@ class Bus {
     if (config_.lost_after == Time{0}) config_.lost_after = profile.profile().boot_time_min / 2;
   }
 
+  Bus(P& port, const CompiledProfile&& profile, const BusConfig& config) = delete;
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Checks the cycle against profile and port, and begins start-up at `now`. On a refusal nothing has changed.
+  /// Checks axis and cycle against profile and port, and begins start-up at `now`; a bus that runs begins anew.
+  /// On a refusal nothing has changed.
   [[nodiscard]] std::expected<void, CycleRefusal> start(Time now) noexcept;
   /// Sends nothing more; an exchange under way is abandoned, its T1 still holds.
-  void stop() noexcept {
-    state_ = BusState::stopped;
-    in_flight_ = false;
-    publish(tracker_.forget());
-  }
+  void stop() noexcept;
 
   /// Does what is due at `now`; answers when to call again at the latest (kNever when stopped). Earlier
   /// is always allowed. Bounded: at most one request and one reply. `now` never goes back.
@@ -99,7 +98,9 @@ class Bus {
   void on_restart(Time now) noexcept;
 
   /// Asks for one background exchange in the free time of the pattern. Errors: bad_state before
-  /// start-up is through, busy while another one is pending, no_gap if the pattern has no room for it.
+  /// start-up is through, busy while another one is pending, no_gap if the pattern has no room for it. An offer
+  /// always ends in a completion: that of its exchange; no_gap if late starts kept it waiting for 64 slots;
+  /// bad_state if the bus left the running state before it was sent, abandoned if after.
   [[nodiscard]] std::expected<void, Errc> offer(const Request& request) noexcept;
   /// The result of the last offer, once.
   [[nodiscard]] std::optional<Completion> take_completion() noexcept {
@@ -129,10 +130,13 @@ class Bus {
   using Kind = CycleRecord::Kind;
 
   // What to do next, and when.
+  [[nodiscard]] bool in_flight() const noexcept { return exchange_.state() == Exchange::State::waiting; }
+  [[nodiscard]] Time wake_up(Time due) const noexcept { return due < stale_at_ ? due : stale_at_; }
   [[nodiscard]] Time next_due(Time now) const noexcept;
   [[nodiscard]] bool background_fits(Time start) const noexcept;
   void begin_due(Time now) noexcept;
   void send(const Request& request, Kind kind, Time now) noexcept;
+  [[nodiscard]] Errc check_line(Time now) noexcept;
   [[nodiscard]] Errc check_quiet(Time now) noexcept;
 
   // The exchange under way.
@@ -141,7 +145,8 @@ class Bus {
   void finish(Time now) noexcept;
   void finish_cyclic(Time now) noexcept;
   void finish_startup(Time now) noexcept;
-  void finish_background() noexcept;
+  void finish_background(Time now) noexcept;
+  void complete_offer(const std::expected<Reply, Errc>& result) noexcept;
   void record(Errc result, Time now) noexcept;
 
   // States.
@@ -149,9 +154,18 @@ class Bus {
   void poll_quiet(Time now) noexcept;
   void after_startup_step(Time now) noexcept;
   void shape_histograms() noexcept;
+  void abandon() noexcept;
+  void go_stale(Time now) noexcept;
+  void settle(Time now) noexcept;
   void cycle_failed(Errc cause, Time now) noexcept;
+  void give_up(Time now) noexcept;
   void publish(const Sample& sample) noexcept { latest_.put(sample); }
 
+  /// How old a sample may become before it is invalid.
+  [[nodiscard]] Time valid_for() const noexcept {
+    return config_.max_hold + (scheduler_ ? scheduler_->period() : Time{0});
+  }
+  [[nodiscard]] Time latch_uncertainty(Time seen) const noexcept;
   [[nodiscard]] Time latch_time() const noexcept {
     return exchange_.request_end() + profile_->profile().latch_offset;
   }
@@ -170,13 +184,14 @@ class Bus {
   std::optional<Completion> completion_;
   std::optional<StartupError> startup_error_;
   BusState state_ = BusState::stopped;
-  bool in_flight_ = false;
-  bool has_cyclic_start_ = false;
+  bool settling_ = false;  ///< the last exchange failed: late bytes of it may still come
   Kind kind_ = Kind::startup;
   std::uint8_t failed_in_a_row_ = 0;
-  Time slot_{0};          ///< of the cyclic exchange under way
-  Time cyclic_start_{0};  ///< of the last cyclic request
-  Time last_good_{0};     ///< when the last good cycle or start-up was seen
+  Time slot_{0};                      ///< of the cyclic exchange under way
+  std::optional<Time> cyclic_start_;  ///< of the last cyclic request
+  Time stale_at_ = kNever;            ///< when the published sample becomes invalid
+  std::uint8_t passed_over_ = 0;      ///< slots that the offer has waited
+  Time last_good_{0};                 ///< when the last good cycle or start-up was seen
   Statistics statistics_;
   CycleRecord record_;
   std::uint32_t record_count_ = 0;

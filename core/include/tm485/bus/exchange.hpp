@@ -40,6 +40,9 @@ class Exchange {
   /// The time has come to `now`: past a deadline the exchange is done with timeout or incomplete_reply.
   void on_time(Time now) noexcept;
 
+  /// Nothing more is wanted of it; what still arrives belongs to no exchange.
+  void abandon() noexcept { state_ = State::idle; }
+
   /// The port says that the request was not sent.
   void on_fault(Errc fault) noexcept { finish(fault); }
 
@@ -77,6 +80,7 @@ class Exchange {
   std::uint8_t received_ = 0;
   std::uint8_t reply_length_ = 0;
   std::uint8_t echo_left_ = 0;
+  bool expects_echo_ = false;
   State state_ = State::idle;
   Errc error_ = Errc::ok;
   Errc pending_ = Errc::ok;  ///< found before the reply was complete; reported when it is
@@ -102,7 +106,8 @@ inline void Exchange::begin(const Request& request, Time start, const CompiledPr
   wire_timestamps_ = port.wire_timestamps;
   reply_length_ = row.reply_length;
   received_ = 0;
-  echo_left_ = profile.profile().echo ? row.request_length : std::uint8_t{0};
+  expects_echo_ = profile.profile().echo;
+  echo_left_ = expects_echo_ ? row.request_length : std::uint8_t{0};
   error_ = Errc::ok;
   pending_ = Errc::ok;
   reply_delay_ = Time{0};

@@ -1,7 +1,7 @@
 // Scheduler: when the next cyclic request is due, and what a late one does to the grid.
 //
 // A start is max(slot, previous start + T1 of the previous ID); T1 is kept by RequestSpacing for
-// every request of the bus, cyclic or not. A period below T1 + jitter margin runs *free*: a late
+// every request of the bus, cyclic or not. A period of T1, or below T1 + jitter margin, runs *free*: a late
 // start moves the grid and the slip is counted (keeping phase there would lose every other cycle).
 // A longer period keeps its *phase*: a missed slot is skipped and counted, and requests never bunch up.
 // Specification: section 4.
@@ -26,7 +26,7 @@ struct Cycle {
 
 /// Why a cycle is impossible, and the nearest that is possible.
 struct CycleRefusal {
-  Errc code;        ///< bad_argument (ID or period), period_below_t1, period_below_port
+  Errc code;        ///< bad_argument (ID, period or axis), period_below_t1, period_below_port, position_lost
   Time nearest{0};  ///< the shortest period that would be accepted; 0 with bad_argument
 };
 
@@ -42,6 +42,11 @@ class RequestSpacing {
   void on_reply_seen(Time seen, Time shortest, Time t1) noexcept {
     const Time bound = seen - shortest + t1;
     if (bound > earliest_) earliest_ = bound;
+  }
+
+  /// Nothing is sent before `until`, besides.
+  void hold_off(Time until) noexcept {
+    if (until > earliest_) earliest_ = until;
   }
 
  private:
@@ -88,8 +93,8 @@ class Scheduler {
     slot_ += period_;
   }
 
-  /// True if a gap of the pattern can ever hold an exchange that takes `span`.
-  [[nodiscard]] bool has_gap_for(Time span) const noexcept { return t1_ + span <= period_; }
+  /// True if a gap of the pattern holds an exchange that takes `span`, also behind a start that is late by the jitter margin.
+  [[nodiscard]] bool has_gap_for(Time span) const noexcept { return t1_ + jitter_margin_ + span <= period_; }
 
  private:
   Scheduler(DataId id, Time period, Time t1, Time jitter_margin) noexcept
@@ -97,7 +102,7 @@ class Scheduler {
         t1_(t1),
         jitter_margin_(jitter_margin),
         id_(id),
-        free_(period < t1 + jitter_margin) {}
+        free_(period <= t1 || period < t1 + jitter_margin) {}
 
   /// Cold: one or more whole slots have passed.
   void catch_up(Time late, Statistics& statistics) noexcept;

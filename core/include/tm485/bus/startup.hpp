@@ -54,8 +54,8 @@ class Startup {
   void on_noise(Errc cause, Time now) noexcept;
   /// due() of stage quiet has come.
   void on_quiet_time(Time now) noexcept;
-  /// An exchange brought a frame that was latched at `latch`.
-  void on_frame(const Frame& frame, Time latch, Time now) noexcept;
+  /// An exchange brought a frame that was latched at `latch`, give or take `uncertainty`.
+  void on_frame(const Frame& frame, Time latch, Time uncertainty, Time now) noexcept;
   /// An exchange failed.
   void on_error(Errc cause, Time now) noexcept;
 
@@ -64,7 +64,8 @@ class Startup {
 
  private:
   void fail(Errc cause) noexcept;
-  void check_consistency(const Frame& frame, Time latch) noexcept;
+  void check_consistency(const Frame& frame, Time latch, Time uncertainty) noexcept;
+  void enter(StartupStage stage) noexcept;
 
   static constexpr std::uint8_t kRetries = 3;  ///< failed exchanges that a stage after `answer` forgives
 
@@ -83,6 +84,7 @@ class Startup {
   Time quiet_span_{0};
   Frame previous_;
   Time previous_latch_{0};
+  Time previous_uncertainty_{0};
 };
 
 }  // namespace tm485

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "tm485/protocol/profile.hpp"
 #include "tm485/time.hpp"
@@ -13,10 +14,11 @@ enum class Units : std::uint8_t { counts, rev, deg, rad };
 
 /// What is known about the axis. All integers, so that nothing is lost over 64 bits.
 struct AxisConfig {
-  bool reversed = false;                ///< false: counter-clockwise seen from the output shaft is positive
-  std::int64_t zero_offset = 0;         ///< encoder counts that become position 0, before direction
-  std::int32_t reference_turn = 1;      ///< turn count that becomes turn 0: 1 for TM485, 0 for T-format
-  std::int32_t gear_numerator = 1;      ///< load revolutions = motor revolutions * numerator / denominator
+  bool reversed = false;         ///< false: counter-clockwise seen from the output shaft is positive
+  std::int64_t zero_offset = 0;  ///< encoder counts that become position 0, before direction
+  std::optional<std::int32_t>
+      reference_turn;               ///< turn count that becomes turn 0; none: the profile's multi_turn_start
+  std::int32_t gear_numerator = 1;  ///< load revolutions = motor revolutions * numerator / denominator
   std::int32_t gear_denominator = 1;    ///< not 0
   std::uint16_t pole_pairs = 1;         ///< electrical turns per mechanical turn
   std::uint32_t electrical_offset = 0;  ///< added to the electrical angle; 2^32 is one electrical turn
@@ -24,11 +26,12 @@ struct AxisConfig {
       6000;                     ///< faster than the shaft can turn; bounds what single-turn data can tell
   Units units = Units::counts;  ///< of `to_units`
 
-  /// The configuration that fits a profile: its turn count at start is the reference turn.
-  [[nodiscard]] static constexpr AxisConfig for_profile(const Profile& profile) noexcept {
-    AxisConfig axis;
-    axis.reference_turn = profile.multi_turn_start;
-    return axis;
+  /// False if no position can be computed from it: an offset of 2^60 counts or more, a gear ratio over or under
+  /// zero, no pole pairs, no speed. A bus refuses to start with it.
+  [[nodiscard]] constexpr bool valid() const noexcept {
+    constexpr std::int64_t kLargest = std::int64_t{1} << 60;
+    return zero_offset > -kLargest && zero_offset < kLargest && gear_numerator != 0 &&
+           gear_denominator != 0 && pole_pairs != 0 && max_speed_rpm > 0 && max_speed_rpm <= 1'000'000;
   }
 };
 

@@ -6,7 +6,8 @@
 // Turns and ABS of a sample come from one ID3 frame. Replies without turns (ID0, or an encoder that
 // has none) are unwrapped by their distance from the last position; that is only possible while the
 // shaft cannot have turned by half a revolution, so a longer gap is position_lost, never a guess.
-// Specification: sections 3 and 8.
+// A position that the shaft cannot have reached since the last one (max_speed_rpm) is refused: two
+// flips in one bit column pass the CRC. Specification: sections 3 and 8.
 #pragma once
 
 #include <cstdint>
@@ -26,18 +27,23 @@ class PositionTracker {
  public:
   /// `profile` must outlive the tracker.
   PositionTracker(const CompiledProfile& profile, const AxisConfig& axis) noexcept;
+  PositionTracker(const CompiledProfile&& profile, const AxisConfig& axis) = delete;
 
-  /// A reply latched at `latch` becomes a fresh sample, written to `sample`. Answers ok, or position_lost
-  /// (see above); then nothing has changed and only a reply with turns, or `forget`, helps.
-  [[nodiscard]] Errc update(const Reply& reply, Time latch, Sample& sample) noexcept;
+  /// A reply latched at `latch`, give or take `uncertainty`, becomes a fresh sample, written to `sample`.
+  /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; or
+  /// frames_inconsistent: the shaft cannot be there. After an error nothing has changed.
+  [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 
-  /// The same as a value.
+  /// The same as a value, with the profile's latch uncertainty.
   [[nodiscard]] std::expected<Sample, Errc> update(const Reply& reply, Time latch) noexcept {
     Sample sample;
-    const Errc error = update(reply, latch, sample);
+    const Errc error = update(reply, latch, profile_->profile().latch_uncertainty, sample);
     if (error != Errc::ok) return std::unexpected(error);
     return sample;
   }
+
+  /// A reply to begin with, as update(), but no sample comes of it.
+  [[nodiscard]] Errc seed(const Reply& reply, Time latch, Time uncertainty) noexcept;
 
   /// The last sample again, marked held; invalid if it is older than `max_hold` at `now`, or if there is none.
   [[nodiscard]] Sample hold(Time now, Time max_hold) noexcept;
@@ -56,7 +62,8 @@ class PositionTracker {
   [[nodiscard]] Time unwrap_limit() const noexcept { return unwrap_limit_; }
 
  private:
-  [[nodiscard]] std::expected<std::int64_t, Errc> unwrap(const Frame& frame, Time latch) const noexcept;
+  [[nodiscard]] std::expected<std::int64_t, Errc> unwrap(const Frame& frame, Time gap) const noexcept;
+  [[nodiscard]] bool reachable(std::int64_t distance, Time elapsed) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
 
@@ -70,10 +77,11 @@ class PositionTracker {
   std::int64_t raw_ = 0;    ///< turns * 2^bits + ABS, unwrapped
   Time position_latch_{0};  ///< when raw_ was latched
   Time latch_{0};           ///< when the last reply was latched, with a position or without
+  Time uncertainty_{0};     ///< of both
   std::uint32_t sequence_ = 0;
-  std::uint32_t latch_uncertainty_ns_;
   std::int32_t turns_ = 0;
   StatusSet status_;
+  AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
   DataId id_ = DataId::everything;
   bool has_raw_ = false;
@@ -83,7 +91,7 @@ class PositionTracker {
 };
 
 inline std::expected<std::int64_t, Errc> PositionTracker::unwrap(const Frame& frame,
-                                                                 Time latch) const noexcept {
+                                                                 Time gap) const noexcept {
   const Profile& profile = profile_->profile();
   const unsigned bits = profile.single_turn_bits;
   const std::uint32_t abs = frame.abs();
@@ -98,8 +106,17 @@ inline std::expected<std::int64_t, Errc> PositionTracker::unwrap(const Frame& fr
     if (profile.multi_turn_bits != 0) return std::unexpected(Errc::position_lost);
     return std::int64_t{abs};
   }
-  if (latch - position_latch_ > unwrap_limit_) return std::unexpected(Errc::position_lost);
+  if (gap >= unwrap_limit_) return std::unexpected(Errc::position_lost);
   return raw_ + Frame::sign_extend(abs - static_cast<std::uint32_t>(raw_), bits);
+}
+
+/// Can a shaft at max_speed_rpm move so far in `elapsed`? Two counts are forgiven: both ends are quantised.
+inline bool PositionTracker::reachable(std::int64_t distance, Time elapsed) const noexcept {
+  constexpr std::int64_t kQuantisation = 2;
+  constexpr Time kLongest = std::chrono::seconds(10);  // keeps the product in 63 bits
+  if (elapsed > kLongest) elapsed = kLongest;
+  const std::int64_t limit = ((speed_limit_ * elapsed.count()) >> 20) + kQuantisation;
+  return elapsed >= Time{0} && distance <= limit && -distance <= limit;
 }
 
 /// A battery kept the turns over the power-off, and the encoder does not say that they were lost.
@@ -124,23 +141,30 @@ inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
   sample.single_turn_ = single_turn;
   sample.turns_ = turns_;
   sample.electrical_angle_ = (axis_.reversed ? 0U - angle : angle) + axis_.electrical_offset;
-  sample.latch_uncertainty_ns_ = latch_uncertainty_ns_;
+  sample.latch_uncertainty_ns_ = static_cast<std::uint32_t>(uncertainty_.count());
   sample.status_ = status_;
   sample.enid_ = enid_;
   sample.id_ = id_;
   sample.quality_ = quality;
-  sample.alarm_ = profile_->profile().alarms.level(status_);
+  sample.alarm_ = alarm_;
   sample.referenced_ = referenced_;
-  sample.has_position_ = has_position_;
+  sample.has_position_ = has_position_ && quality != Quality::invalid;
+  sample.spare_ = 0;
 }
 
-inline Errc PositionTracker::update(const Reply& reply, Time latch, Sample& sample) noexcept {
+inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertainty) noexcept {
   const Frame& frame = reply.frame();
   const Layout& fields = frame.fields();
   if (fields.abs_at != 0) {
-    const auto raw = unwrap(frame, latch);
+    // The longest time that can have passed since the last position.
+    const Time gap = latch - position_latch_ + uncertainty + uncertainty_;
+    const auto raw = unwrap(frame, gap);
     if (!raw) return raw.error();
-    if (!has_raw_) referenced_ = turns_survived(frame);
+    if (!has_raw_) {
+      referenced_ = turns_survived(frame);
+    } else if (!reachable(*raw - raw_, gap)) {
+      return Errc::frames_inconsistent;
+    }
     raw_ = *raw;
     has_raw_ = true;
     position_latch_ = latch;
@@ -148,13 +172,24 @@ inline Errc PositionTracker::update(const Reply& reply, Time latch, Sample& samp
   const unsigned multi_turn_bits = profile_->profile().multi_turn_bits;
   if (fields.abm_at != 0 && multi_turn_bits != 0) turns_ = frame.turns(multi_turn_bits);
   if (fields.enid_at != 0) enid_ = frame.enid();
-  if (fields.sf_at != 0) status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : status_.almc());
+  if (fields.sf_at != 0) {
+    const StatusSet heard(frame.sf(), frame.almc());  // no ALMC in this reply: none of its bits
+    alarm_ = profile_->profile().alarms.level(heard);
+    status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : status_.almc());
+  }
   id_ = fields.id;
   has_position_ = fields.abs_at != 0;
   has_reply_ = true;
   latch_ = latch;
-  compose(Quality::fresh, sample);
+  uncertainty_ = uncertainty;
   return Errc::ok;
+}
+
+inline Errc PositionTracker::update(const Reply& reply, Time latch, Time uncertainty,
+                                    Sample& sample) noexcept {
+  const Errc error = seed(reply, latch, uncertainty);
+  if (error == Errc::ok) compose(Quality::fresh, sample);
+  return error;
 }
 
 }  // namespace tm485

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 
 #include "tm485/protocol/control_field.hpp"
 #include "tm485/protocol/status.hpp"
@@ -45,9 +46,9 @@ class Sample {
   [[nodiscard]] constexpr Time latch_uncertainty() const noexcept { return Time(latch_uncertainty_ns_); }
   /// Age of the data at `now`.
   [[nodiscard]] constexpr Time age(Time now) const noexcept { return now - latch_time_; }
-  /// Counts publications, fresh or held; wraps.
+  /// Counts samples, fresh, held or invalid; wraps.
   [[nodiscard]] constexpr std::uint32_t sequence() const noexcept { return sequence_; }
-  /// SF and ALMC; ALMC as of the last reply that had one.
+  /// SF and ALMC; ALMC as of the last reply that had one. `alarm` judges only what this reply had.
   [[nodiscard]] constexpr StatusSet status() const noexcept { return status_; }
   /// What `status` means by the profile's alarm policy.
   [[nodiscard]] constexpr AlarmLevel alarm() const noexcept { return alarm_; }
@@ -73,8 +74,9 @@ class Sample {
   AlarmLevel alarm_ = AlarmLevel::none;
   bool referenced_ = false;
   bool has_position_ = false;
+  std::uint32_t spare_ = 0;  ///< no padding: every byte of a sample has a value
 };
 
-static_assert(sizeof(Sample) <= 64);
+static_assert(sizeof(Sample) <= 64 && std::has_unique_object_representations_v<Sample>);
 
 }  // namespace tm485

@@ -65,6 +65,20 @@ template <class Word>
 /// A reply whose length, CF and CRC hold. What its fields say has not been judged yet.
 /// 16 bytes, trivially copyable. All accessors: any thread or interrupt, constant time.
 class Frame {
+  // First, because a constant expression needs the definition before the use.
+  template <unsigned At>
+  [[nodiscard]] constexpr std::uint8_t byte() const noexcept {
+    if constexpr (At < 8) {
+      return static_cast<std::uint8_t>(words_.low >> (8 * At));
+    } else {
+      return static_cast<std::uint8_t>(words_.high >> (8 * (At - 8)));
+    }
+  }
+  /// The three bytes behind SF: ABS, or ABM in a reply to ID1.
+  [[nodiscard]] constexpr std::uint32_t three_bytes() const noexcept {
+    return static_cast<std::uint32_t>(words_.low >> 16) & 0xFFFFFFU;
+  }
+
  public:
   /// Any reply of the family. Errors: length_error, cf_sync_error, cf_parity_error, unknown_id, crc_error.
   [[nodiscard]] static constexpr std::expected<Frame, Errc> parse(
@@ -114,9 +128,9 @@ class Frame {
     if (id() == DataId::multi_turn) return three_bytes();
     return static_cast<std::uint32_t>(words_.low >> 48) | (words_.high & 0xFFU) << 16;
   }
-  /// The turn count: ABM sign-extended from `multi_turn_bits` (8..24).
+  /// The turn count: ABM sign-extended from `multi_turn_bits` (8..24; 0: an encoder without, always 0).
   [[nodiscard]] constexpr std::int32_t turns(unsigned multi_turn_bits) const noexcept {
-    return sign_extend(abm(), multi_turn_bits);
+    return multi_turn_bits == 0 ? 0 : sign_extend(abm(), multi_turn_bits);
   }
   [[nodiscard]] constexpr std::uint8_t crc() const noexcept {
     const unsigned length = fields().reply_length;
@@ -131,19 +145,6 @@ class Frame {
  private:
   friend class Reply;
   constexpr explicit Frame(const detail::Words& words) noexcept : words_(words) {}
-
-  template <unsigned At>
-  [[nodiscard]] constexpr std::uint8_t byte() const noexcept {
-    if constexpr (At < 8) {
-      return static_cast<std::uint8_t>(words_.low >> (8 * At));
-    } else {
-      return static_cast<std::uint8_t>(words_.high >> (8 * (At - 8)));
-    }
-  }
-  /// The three bytes behind SF: ABS, or ABM in a reply to ID1.
-  [[nodiscard]] constexpr std::uint32_t three_bytes() const noexcept {
-    return static_cast<std::uint32_t>(words_.low >> 16) & 0xFFFFFFU;
-  }
 
   detail::Words words_;
 };
@@ -204,5 +205,18 @@ class Reply {
 };
 
 static_assert(sizeof(Reply) <= 16);
+
+// The accessors of Frame know the places by heart; this ties them to the table.
+static_assert([] {
+  for (const Layout& row : kLayouts) {
+    const bool all = row.id == DataId::everything;
+    if (row.sf_at > 1 || (row.adf_at != 0 && (row.adf_at != 1 || row.edf_at != 2))) return false;
+    if (row.abs_at != 0 && row.abs_at != 2) return false;
+    if (row.abm_at != 0 && row.abm_at != (all ? 6 : 2)) return false;
+    if (row.enid_at != 0 && row.enid_at != (all ? 5 : 2)) return false;
+    if (row.almc_at != 0 && (!all || row.almc_at != 9)) return false;
+  }
+  return true;
+}());
 
 }  // namespace tm485

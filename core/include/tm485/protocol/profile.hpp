@@ -45,7 +45,8 @@ struct Profile {
   std::int32_t multi_turn_start = 1;      ///< turn count after IDC, and after power-up without battery
   bool battery = false;                   ///< turns survive a power-off
 
-  // The status bits. Reserved ones are counted and follow the policy; they drop nothing.
+  // The status bits. Those that the document reserves, and those by which a T-format encoder complains of
+  // requests (SF.6, SF.7), are counted and follow the policy; they drop nothing.
   StatusSet reserved_status{0xCF, 0x3B};
   AlarmPolicy alarms = kAlarmsWithoutBattery;
 
@@ -133,10 +134,13 @@ class CompiledProfile {
   }
   /// Minimum time from this request's start to the next one's.
   [[nodiscard]] constexpr Time t1(DataId id) const noexcept { return profile_.t1[index_of(id)]; }
-  /// The same for a request: a page change that holds the bus takes longer than any other write.
+  /// The same for a request: where EEPROM writes and page changes hold the bus, for as long as they take.
   [[nodiscard]] constexpr Time t1(const Request& request) const noexcept {
-    const bool page_change = request.id() == DataId::eeprom_write && request.address() == kPageRegister;
-    return page_change && profile_.eeprom_holds_bus ? profile_.eeprom_page_time : t1(request.id());
+    const Time shortest = t1(request.id());
+    if (request.id() != DataId::eeprom_write || !profile_.eeprom_holds_bus) return shortest;
+    const Time held =
+        request.address() == kPageRegister ? profile_.eeprom_page_time : profile_.eeprom_write_time;
+    return held > shortest ? held : shortest;
   }
 
  private:
@@ -147,8 +151,8 @@ class CompiledProfile {
   std::array<ReplyRule, kDataIdCount> rules_{};
 };
 
-/// The presets: tm485_17 (default), tm485_17_st, tm485_23, tformat_17, tformat_23, each T-format also
-/// `_battery`; and `any`, which holds only what every member of the family shares.
+/// The presets: tm485_17 (default), tm485_23, tformat_17, tformat_23, each also `_battery`; tm485_17_st, which has
+/// no turns; and `any`, which holds only what every member of the family shares.
 [[nodiscard]] std::span<const Profile> profile_presets() noexcept;
 
 /// The preset of that name, or bad_argument.

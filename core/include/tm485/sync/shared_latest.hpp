@@ -20,6 +20,7 @@ namespace tm485 {
 template <class T, class Atomics = StdAtomics>
 class SharedLatest {
   static_assert(std::is_trivially_copyable_v<T>);
+  static_assert(std::has_unique_object_representations_v<T>, "padding has no value that could be copied");
   static constexpr std::size_t kWords = (sizeof(T) + sizeof(std::uint32_t) - 1) / sizeof(std::uint32_t);
   static_assert(sizeof(T) == kWords * sizeof(std::uint32_t), "the size is a multiple of four bytes");
   using Image = std::array<std::uint32_t, kWords>;

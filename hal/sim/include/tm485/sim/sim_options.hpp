@@ -25,8 +25,8 @@ struct SimOptions {
   std::uint64_t seed = 1;           ///< of the faults; `seed=` in the text sets every seed
 };
 
-/// The encoder of a profile name: tm485_17, tm485_17_st (single-turn), tm485_23, tformat_17, tformat_23, and
-/// the last two with the suffix _battery. The error names the known ones.
+/// The encoder of a profile name: tm485_17, tm485_23, tformat_17, tformat_23, each also with `_battery`; tm485_17_st
+/// (single-turn). A T-format encoder without a battery reports SF 20 and ALMC C1. The error names what is known.
 [[nodiscard]] std::expected<EncoderConfig, std::string> encoder_for_profile(std::string_view profile);
 
 /// Reads `key=value` pairs separated by commas, in any order; the empty text is the default set-up. Keys:
