@@ -1,0 +1,146 @@
+#include "any_port.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+
+#include "tm485/sim/sim_options.hpp"
+
+namespace tm485::cli {
+namespace {
+
+constexpr std::string_view kSim = "sim:";
+constexpr std::string_view kUnix = "unix:";
+constexpr std::string_view kDefaultProfile = "tm485_17";
+
+/// What a thread that spins on a quiet machine is late at most.
+constexpr Time kHostJitter = std::chrono::microseconds(20);
+
+Problem bad_port(const std::string& text, std::string_view why) {
+  return usage_problem("bad_port", fmt::format("'{}': {}", text, why),
+                       "PORT is sim: (for example sim:rpm=3000,profile=tformat_17), a serial device such as "
+                       "/dev/ttyUSB0, or unix:PATH");
+}
+
+Problem open_problem(const linux_hal::OsError& error) {
+  return {error.code == Errc::port_gone ? "port_gone" : "open_failed", error.what, error.remedy,
+          kExitFailure};
+}
+
+bool is_socket(const std::string& path) {
+  struct stat status{};
+  return ::stat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
+}
+
+/// Calls `function` with the port behind the variant.
+template <class Variant, class Function>
+auto with_port(Variant& port, const Function& function) noexcept {
+  return std::visit(
+      [&function](auto& alternative) {
+        if constexpr (requires { alternative->port(); })
+          return function(alternative->port());
+        else
+          return function(alternative);
+      },
+      port);
+}
+
+}  // namespace
+
+std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string& text,
+                                                               std::uint32_t bit_rate) {
+  if (text == "sim" || text.starts_with(kSim)) {
+    const auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
+                                                              : std::string_view(text).substr(kSim.size()));
+    if (!options) return std::unexpected(bad_port(text, options.error()));
+    return std::make_unique<sim::SimulatedEncoder>(*options);
+  }
+  const bool named_unix = text.starts_with(kUnix);
+  const std::string path = named_unix ? text.substr(kUnix.size()) : text;
+  if (path.empty()) return std::unexpected(bad_port(text, "no path"));
+  if (named_unix || is_socket(path)) {
+    linux_hal::UnixOptions options;
+    options.bit_rate = bit_rate;
+    auto port = linux_hal::UnixPort::connect(path, options);
+    if (!port) return std::unexpected(open_problem(port.error()));
+    return std::move(*port);
+  }
+  if (path.find('/') == std::string::npos)
+    return std::unexpected(bad_port(text, "this is none of the three kinds of port"));
+  linux_hal::SerialOptions options;
+  options.bit_rate = bit_rate;
+  auto port = linux_hal::SerialPort::open(path, options);
+  if (!port) return std::unexpected(open_problem(port.error()));
+  return std::move(*port);
+}
+
+std::expected<AnyPort, Problem> AnyPort::open(const std::string& text, std::uint32_t bit_rate,
+                                              bool virtual_time) {
+  auto port = open_variant(text, bit_rate);
+  if (!port) return std::unexpected(std::move(port.error()));
+  if (virtual_time && !std::holds_alternative<Simulated>(*port)) {
+    return std::unexpected(
+        usage_problem("bad_virtual", fmt::format("'{}' is a real port: it cannot run in virtual time", text),
+                      "leave --virtual out, or use a simulated encoder: sim:"));
+  }
+  return AnyPort(text, bit_rate, virtual_time, std::move(*port));
+}
+
+std::string AnyPort::default_profile(const std::string& text) {
+  std::string_view rest = text;
+  if (!rest.starts_with(kSim)) return std::string(kDefaultProfile);
+  rest.remove_prefix(kSim.size());
+  constexpr std::string_view kKey = "profile=";
+  std::string_view profile = kDefaultProfile;
+  while (!rest.empty()) {
+    const std::string_view pair = rest.substr(0, rest.find(','));
+    if (pair.starts_with(kKey)) profile = pair.substr(kKey.size());
+    rest.remove_prefix(std::min(rest.size(), pair.size() + 1));
+  }
+  return std::string(profile);
+}
+
+std::expected<void, Problem> AnyPort::reopen() {
+  auto port = open_variant(text_, bit_rate_);
+  if (!port) return std::unexpected(std::move(port.error()));
+  port_ = std::move(*port);
+  gone_ = false;
+  return {};
+}
+
+PortCapability AnyPort::capability() const noexcept {
+  PortCapability capability =
+      with_port(port_, [](const auto& port) { return PortCapability(port.capability()); });
+  if (simulated() && !virtual_time_) {
+    capability.jitter_margin = std::max(capability.jitter_margin, kHostJitter);
+    capability.timing = TimingClass::soft;
+  }
+  return capability;
+}
+
+std::expected<Time, Errc> AnyPort::try_send(std::span<const std::uint8_t> request, Time now) noexcept {
+  const auto start = with_port(port_, [&](auto& port) { return port.try_send(request, now); });
+  if (start)
+    ++sends_;
+  else if (start.error() == Errc::port_gone)
+    gone_ = true;
+  return start;
+}
+
+Transmission AnyPort::transmission(Time now) noexcept {
+  return with_port(port_, [now](auto& port) { return port.transmission(now); });
+}
+
+Reception AnyPort::try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
+  const Reception reception = with_port(port_, [&](auto& port) { return port.try_receive(buffer, now); });
+  if (reception.fault == Errc::port_gone) gone_ = true;
+  return reception;
+}
+
+Time AnyPort::next_event() noexcept {
+  Simulated* const simulated = std::get_if<Simulated>(&port_);
+  return simulated == nullptr ? kNever : (*simulated)->line().next_event();
+}
+
+}  // namespace tm485::cli

@@ -1,0 +1,71 @@
+// AnyPort: what the PORT of a command line stands for: `sim:...`, a serial device, `unix:PATH`.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <span>
+#include <string>
+#include <variant>
+
+#include "problem.hpp"
+#include "tm485/bus/port.hpp"
+#include "tm485/linux/serial_port.hpp"
+#include "tm485/linux/unix_port.hpp"
+#include "tm485/sim/simulated_encoder.hpp"
+#include "tm485/time.hpp"
+
+namespace tm485::cli {
+
+/// One owner: the context of the bus. Errors and bounds of the port's functions are those of the port behind it.
+class AnyPort {
+ public:
+  /// Opens the port of a text. `virtual_time`: a simulated one is driven in virtual time; otherwise it promises what a
+  /// loop that spins on the real clock can hold. Problems: bad_port (exit code 2: the text means nothing),
+  /// bad_virtual (2: a real port cannot), port_gone or open_failed (1).
+  [[nodiscard]] static std::expected<AnyPort, Problem> open(const std::string& text, std::uint32_t bit_rate,
+                                                            bool virtual_time);
+
+  /// The profile that fits a port if none is given: that of `sim:profile=NAME`, otherwise tm485_17.
+  [[nodiscard]] static std::string default_profile(const std::string& text);
+
+  /// Opens the same text again, after gone(). On a problem nothing has changed.
+  [[nodiscard]] std::expected<void, Problem> reopen();
+
+  // The port.
+  [[nodiscard]] PortCapability capability() const noexcept;
+  [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept;
+  [[nodiscard]] Transmission transmission(Time now) noexcept;
+  [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept;
+
+  // What the commands need besides.
+  [[nodiscard]] const std::string& text() const noexcept { return text_; }
+  /// True if it lives in this process and can run in virtual time.
+  [[nodiscard]] bool simulated() const noexcept { return std::holds_alternative<Simulated>(port_); }
+  /// When the next bytes can be received, or kNever. Only if simulated.
+  [[nodiscard]] Time next_event() noexcept;
+  /// Requests that were taken since it was opened.
+  [[nodiscard]] std::uint64_t sends() const noexcept { return sends_; }
+  /// The device or the other end has vanished.
+  [[nodiscard]] bool gone() const noexcept { return gone_; }
+
+ private:
+  using Simulated = std::unique_ptr<sim::SimulatedEncoder>;
+  using Variant = std::variant<Simulated, linux_hal::SerialPort, linux_hal::UnixPort>;
+
+  AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time, Variant port)
+      : text_(std::move(text)), bit_rate_(bit_rate), virtual_time_(virtual_time), port_(std::move(port)) {}
+  [[nodiscard]] static std::expected<Variant, Problem> open_variant(const std::string& text,
+                                                                    std::uint32_t bit_rate);
+
+  std::string text_;
+  std::uint32_t bit_rate_;
+  bool virtual_time_;
+  Variant port_;
+  std::uint64_t sends_ = 0;
+  bool gone_ = false;
+};
+
+static_assert(Port<AnyPort>);
+
+}  // namespace tm485::cli

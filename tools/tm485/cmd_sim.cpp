@@ -1,0 +1,62 @@
+// tm485 sim: the simulated encoder behind a pseudo-terminal or a unix socket.
+
+#include <fmt/format.h>
+
+#include <numeric>
+
+#include "commands.hpp"
+#include "output.hpp"
+#include "problem.hpp"
+#include "quantity.hpp"
+#include "stop_signal.hpp"
+#include "tm485/sim/server.hpp"
+#include "tm485/sim/sim_options.hpp"
+
+namespace tm485::cli {
+namespace {
+
+Problem server_problem(const sim::ServerError& error) {
+  return {"server_failed", fmt::format("{}: {}", error.what, error.reason), error.remedy, kExitFailure};
+}
+
+std::expected<sim::SimOptions, Problem> encoder_options(const SimCommandOptions& options) {
+  std::string text = fmt::format("profile={}", options.profile);
+  if (!options.rpm.empty()) {
+    const auto rpm = parse_rpm(options.rpm);
+    if (!rpm)
+      return std::unexpected(usage_problem("bad_speed", fmt::format("--rpm {}: {}", options.rpm, rpm.error()),
+                                           "write a speed such as 3000 or 3000rpm"));
+    text += fmt::format(",rpm={}", *rpm);
+  }
+  if (options.seed) text += fmt::format(",seed={}", *options.seed);
+  if (!options.almc.empty()) text += fmt::format(",almc={}", options.almc);
+  if (options.echo) text += ",echo=on";
+  const auto parsed = sim::parse_sim_options(text);
+  if (!parsed)
+    return std::unexpected(
+        usage_problem("bad_option", parsed.error(), "tm485 sim --help shows what is possible"));
+  return *parsed;
+}
+
+}  // namespace
+
+int run_sim(const SimCommandOptions& options) {
+  const auto encoder = encoder_options(options);
+  if (!encoder) return report(encoder.error());
+  auto server = options.unix_path.empty() ? sim::Server::open_pty(*encoder, options.link)
+                                          : sim::Server::open_unix(*encoder, options.unix_path);
+  if (!server) return report(server_problem(server.error()));
+  {
+    Output output;
+    output.write(fmt::format("{}{}\n", options.unix_path.empty() ? "" : "unix:", server->path()));
+    if (const int result = finish(output, kExitGood); result != kExitGood) return result;
+  }
+  const auto served = server->serve(stop_flag());
+  const auto& requests = server->model().statistics().requests;
+  fmt::print(stderr, "tm485: {} requests, {} replies\n",
+             std::accumulate(requests.begin(), requests.end(), std::uint64_t{0}),
+             server->statistics().replies);
+  return served ? kExitGood : report(server_problem(served.error()));
+}
+
+}  // namespace tm485::cli

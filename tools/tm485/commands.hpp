@@ -1,0 +1,84 @@
+// The sub-commands: what each may be told, and the functions that carry them out. main.cpp fills the options in.
+// Every function answers the exit code and has reported its problems.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tm485::cli {
+
+struct DecodeOptions {
+  std::vector<std::string> frames;  ///< empty: lines of standard input
+  std::string profile = "any";
+  std::string as;  ///< "request", "reply", or empty: by length
+  bool json = false;
+};
+int run_decode(const DecodeOptions& options);
+
+/// What every command that talks to an encoder can be told.
+struct PortOptions {
+  std::string port;
+  std::string profile;    ///< empty: the one that fits the port
+  std::string max_speed;  ///< empty: that of AxisConfig
+  bool echo = false;      ///< the port receives its own requests
+  bool json = false;
+};
+
+struct InfoOptions {
+  PortOptions port;
+};
+int run_info(const InfoOptions& options);
+
+struct ReadOptions {
+  PortOptions port;
+  unsigned id = 3;
+  std::uint64_t count = 10;  ///< 0: until Ctrl-C
+  std::string period;  ///< empty: 1 ms, or the shortest that the port holds; "min": the shortest possible
+  std::string units = "counts";
+};
+int run_read(const ReadOptions& options);
+
+struct MonitorOptions {
+  PortOptions port;
+  unsigned id = 3;
+  std::string period;   ///< empty: the shortest possible
+  std::string seconds;  ///< empty: until Ctrl-C
+  bool virtual_time = false;
+};
+int run_monitor(const MonitorOptions& options);
+
+struct BenchOptions {
+  PortOptions port;
+  unsigned id = 3;
+  std::string period;  ///< empty: the shortest possible
+  std::string seconds = "2";
+  bool virtual_time = false;
+};
+int run_bench(const BenchOptions& options);
+
+struct SimCommandOptions {
+  bool pty = false;
+  std::string unix_path;
+  std::string link;
+  std::string profile = "tm485_17";
+  std::string rpm;
+  std::optional<std::uint64_t> seed;
+  std::string almc;
+  bool echo = false;
+};
+int run_sim(const SimCommandOptions& options);
+
+struct RtCheckOptions {
+  std::string period = "1ms";
+  std::string seconds = "2";  ///< of each measure
+  bool json = false;
+  bool strict = false;  ///< exit code 1 if a setting is bad
+};
+int run_rt_check(const RtCheckOptions& options);
+
+/// The presets.
+int run_profiles(bool json);
+
+}  // namespace tm485::cli

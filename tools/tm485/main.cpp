@@ -1,0 +1,231 @@
+// The tm485 command: what can be typed, and what it says about itself.
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "commands.hpp"
+#include "problem.hpp"
+#include "stop_signal.hpp"
+#include "tm485/version.hpp"
+
+namespace {
+
+using namespace tm485::cli;
+
+constexpr const char* kPortHelp =
+    "sim: (simulated, for example sim:rpm=3000,profile=tformat_17), a serial device, or unix:PATH";
+
+constexpr const char* kSimKeys =
+    "Keys of sim: profile, rpm, accel, cruise, motion, start, turn, seed, enid, sf, almc, t2, latch_offset, "
+    "boot, echo,\n"
+    "jitter, margin, release, baud, ber, lost; for example sim:rpm=3000,ber=1e-6,almc=40";
+
+/// Everything that the options of all sub-commands are put into.
+struct Commands {
+  DecodeOptions decode;
+  InfoOptions info;
+  ReadOptions read;
+  MonitorOptions monitor;
+  BenchOptions bench;
+  SimCommandOptions sim;
+  RtCheckOptions rt_check;
+  bool profiles_json = false;
+};
+
+void add_port_options(CLI::App& app, PortOptions& options) {
+  app.add_option("PORT", options.port, kPortHelp)->required();
+  app.add_option("--profile", options.profile,
+                 "NAME of a preset, FILE.toml, or list; default: tm485_17, for sim:profile=X that one");
+  app.add_option("--max-speed", options.max_speed,
+                 "Faster than the shaft can turn, in rpm (6000): a position beyond that is refused");
+  app.add_flag("--echo", options.echo, "The port receives its own requests (as echo = true in a profile)");
+  app.add_flag("--json", options.json, "One JSON object a line");
+}
+
+void add_id(CLI::App& app, unsigned& id) {
+  app.add_option("--id", id, "Data ID of the cycle: 0 single-turn, 1 multi-turn, 2 encoder ID, 3 everything")
+      ->check(CLI::Range(0, 3))
+      ->capture_default_str();
+}
+
+void add_decode(CLI::App& root, Commands& commands) {
+  CLI::App& app = *root.add_subcommand("decode", "Say what bytes mean, as requests or replies");
+  DecodeOptions& options = commands.decode;
+  app.add_option("HEX", options.frames,
+                 "Frames, one an argument, or the bytes of one frame as single arguments; none: lines of "
+                 "standard input");
+  app.add_option("--profile", options.profile, "NAME of a preset, FILE.toml, or list")->capture_default_str();
+  app.add_option("--as", options.as,
+                 "request or reply; default: by length (a 4-byte ID6 with ADF.7 is a reply)")
+      ->check(CLI::IsMember({"request", "reply"}));
+  app.add_flag("--json", options.json, "One JSON object a frame");
+  app.footer(
+      "Blanks, commas, 0x and # comments are understood. Exit code 1 if any frame is bad.\n"
+      "Examples:\n"
+      "  tm485 decode \"1A 20 13 6E 01 11 05 00 00 40 12\"\n"
+      "  tm485 decode --json --profile tformat_17 02 8A 92\n"
+      "  tm485 decode --json < captured.txt");
+}
+
+void add_info(CLI::App& root, Commands& commands) {
+  CLI::App& app =
+      *root.add_subcommand("info", "One look at an encoder: identity, position, alarms, reply delay");
+  add_port_options(app, commands.info.port);
+  app.footer(std::string("Exit code 1 if the encoder does not answer or reports a fault.\nExamples:\n"
+                         "  tm485 info /dev/ttyUSB0\n"
+                         "  tm485 info sim:almc=40,profile=tformat_17_battery --json\n") +
+             kSimKeys);
+}
+
+void add_read(CLI::App& root, Commands& commands) {
+  CLI::App& app = *root.add_subcommand("read", "Read positions, every cycle one line");
+  ReadOptions& options = commands.read;
+  add_port_options(app, options.port);
+  add_id(app, options.id);
+  app.add_option("-n,--count", options.count, "Cycles; 0: until Ctrl-C")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option(
+      "--period", options.period,
+      "Time (62.5us) or rate (16kHz) of the cycle, or min; default 1ms, longer if the port needs it");
+  app.add_option("--units", options.units, "Units of the position: counts, rev, deg")
+      ->check(CLI::IsMember({"counts", "rev", "deg"}))
+      ->capture_default_str();
+  app.footer(
+      "A failed cycle repeats the last position with quality \"held\"; the causes are counted on standard "
+      "error.\n"
+      "t_ns is when the position was latched, in nanoseconds since the start of the command.\n"
+      "Examples:\n"
+      "  tm485 read /dev/ttyUSB0 -n 5\n"
+      "  tm485 read sim:rpm=3000 --id 0 --period 40us --units deg --json\n"
+      "  tm485 read unix:/tmp/encoder -n 0 --profile my_encoder.toml");
+}
+
+void add_monitor(CLI::App& root, Commands& commands) {
+  CLI::App& app = *root.add_subcommand("monitor", "Live view: position, speed, alarms, rate, T1, T2, errors");
+  MonitorOptions& options = commands.monitor;
+  add_port_options(app, options.port);
+  add_id(app, options.id);
+  app.add_option("--period", options.period,
+                 "Time (62.5us) or rate (16kHz) of the cycle; default: the shortest possible");
+  app.add_option("--seconds", options.seconds, "How long, in seconds or with a unit; default: until Ctrl-C");
+  app.add_flag("--virtual", options.virtual_time, "Virtual time instead of the real clock (sim: only)");
+  app.footer(
+      "On a terminal drawn in place ten times a second, otherwise one line a second.\n"
+      "Examples:\n"
+      "  tm485 monitor sim:rpm=3000\n"
+      "  tm485 monitor /dev/ttyUSB0 --period 1ms --seconds 60");
+}
+
+void add_bench(CLI::App& root, Commands& commands) {
+  CLI::App& app =
+      *root.add_subcommand("bench", "How well host and port hold the cycle: percentiles, errors, rate");
+  BenchOptions& options = commands.bench;
+  add_port_options(app, options.port);
+  add_id(app, options.id);
+  app.add_option("--period", options.period,
+                 "Time (62.5us) or rate (16kHz) of the cycle; default: the shortest possible");
+  app.add_option("--seconds", options.seconds, "How long, in seconds or with a unit")->capture_default_str();
+  app.add_flag("--virtual", options.virtual_time, "Virtual time instead of the real clock (sim: only)");
+  app.footer(
+      "Up to a million values of each time are kept; of more, a random choice.\n"
+      "Examples:\n"
+      "  tm485 bench sim: --id 3 --period 62.5us --seconds 5\n"
+      "  tm485 bench sim: --id 0 --period 40us --virtual --json\n"
+      "  tm485 bench /dev/ttyUSB0 --period 1ms");
+}
+
+void add_sim(CLI::App& root, Commands& commands) {
+  CLI::App& app = *root.add_subcommand("sim", "Serve a simulated encoder in real time");
+  SimCommandOptions& options = commands.sim;
+  CLI::Option* pty = app.add_flag("--pty", options.pty, "Behind a pseudo-terminal (the default)");
+  CLI::Option* unix_path =
+      app.add_option("--unix", options.unix_path, "Behind a unix socket at this path")->excludes(pty);
+  app.add_option("--link", options.link, "A symbolic link to make to the pseudo-terminal")
+      ->excludes(unix_path);
+  app.add_option("--profile", options.profile, "NAME of the kind of encoder")->capture_default_str();
+  app.add_option("--rpm", options.rpm, "Speed of the shaft: 3000, 3000rpm, 50rev/s");
+  app.add_option("--seed", options.seed, "Seed of everything random")->check(CLI::NonNegativeNumber);
+  app.add_option("--almc", options.almc, "Alarm byte in hexadecimal; SF follows from it");
+  app.add_flag("--echo", options.echo, "Send the requests back, as an adapter that hears itself");
+  app.footer(
+      "Prints the path to connect to, then serves until Ctrl-C.\n"
+      "Examples:\n"
+      "  tm485 sim --pty --link /tmp/encoder --rpm 3000      then: tm485 read /tmp/encoder\n"
+      "  tm485 sim --unix /tmp/encoder.socket --almc 40      then: tm485 monitor unix:/tmp/encoder.socket");
+}
+
+void add_rt_check(CLI::App& root, Commands& commands) {
+  CLI::App& app = *root.add_subcommand("rt-check", "What this machine allows a real-time thread, and how late one is");
+  RtCheckOptions& options = commands.rt_check;
+  app.add_option("--period", options.period, "Time (62.5us) or rate (16kHz) of the wake-ups")->capture_default_str();
+  app.add_option("--seconds", options.seconds, "How long each measure takes, in seconds or with a unit")->capture_default_str();
+  app.add_flag("--strict", options.strict, "Exit code 1 if a setting is bad");
+  app.add_flag("--json", options.json, "One JSON object");
+  app.footer(
+      "Needs no privileges; what is refused is said, with what to change. With rt-tests installed, cyclictest runs at\n"
+      "the same period. A measure that spins takes a whole core while it runs.\n"
+      "Examples:\n"
+      "  tm485 rt-check\n"
+      "  tm485 rt-check --period 62.5us --seconds 10 --json\n"
+      "  tm485 rt-check --strict || echo 'not fit for a servo loop'");
+}
+
+int run(const CLI::App& app, const Commands& commands) {
+  const auto chosen = [&app](const char* name) { return app.got_subcommand(name); };
+  for (const std::string* profile :
+       {&commands.decode.profile, &commands.info.port.profile, &commands.read.port.profile,
+        &commands.monitor.port.profile, &commands.bench.port.profile, &commands.sim.profile}) {
+    if (*profile == "list")
+      return run_profiles(commands.decode.json || commands.info.port.json || commands.read.port.json ||
+                          commands.monitor.port.json || commands.bench.port.json);
+  }
+  if (chosen("decode")) return run_decode(commands.decode);
+  if (chosen("info")) return run_info(commands.info);
+  if (chosen("read")) return run_read(commands.read);
+  if (chosen("monitor")) return run_monitor(commands.monitor);
+  if (chosen("bench")) return run_bench(commands.bench);
+  if (chosen("sim")) return run_sim(commands.sim);
+  if (chosen("rt-check")) return run_rt_check(commands.rt_check);
+  return run_profiles(commands.profiles_json);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  install_stop_signal();
+  Commands commands;
+  CLI::App app("TM485 and T-format absolute encoders on RS-485: look at them, read them, simulate them.",
+               "tm485");
+  app.set_version_flag("--version", "tm485 " + std::string(tm485::version().text));
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  tm485 monitor sim:rpm=3000\n"
+      "  tm485 read /dev/ttyUSB0 -n 5 --json\n"
+      "  tm485 decode \"92 00 11 83\"\n"
+      "Each sub-command has its own help and examples: tm485 read --help\n"
+      "Exit codes: 0 good, 1 the device, the line or the protocol failed, 2 the command cannot be carried "
+      "out.");
+  add_decode(app, commands);
+  add_info(app, commands);
+  add_read(app, commands);
+  add_monitor(app, commands);
+  add_bench(app, commands);
+  add_sim(app, commands);
+  add_rt_check(app, commands);
+  CLI::App& profiles = *app.add_subcommand("profiles", "The preset profiles");
+  profiles.add_flag("--json", commands.profiles_json, "One JSON object a profile, times in ns");
+  profiles.footer("Example:\n  tm485 profiles --json");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitGood : kExitUsage;
+  }
+  try {
+    return run(app, commands);
+  } catch (const std::exception& error) {
+    return report(
+        {"internal_error", error.what(), "report this with the command that led to it", kExitFailure});
+  }
+}

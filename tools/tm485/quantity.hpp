@@ -1,0 +1,28 @@
+// Quantities as people write them: "62.5us", "40 µs", "1ms", "2.5s", "16kHz", "3000rpm".
+#pragma once
+
+#include <expected>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "tm485/time.hpp"
+
+namespace tm485::cli {
+
+/// What a number without a unit means.
+enum class PlainNumber { refused, seconds, nanoseconds };
+
+/// A time of 0 to 10^6 s in ns, us (µs), ms, s, min, or h. The error says what is wrong with the text, as one clause.
+[[nodiscard]] std::expected<Time, std::string> parse_time(std::string_view text, PlainNumber plain);
+
+/// The same, and in addition a rate as its period: "16kHz" is 62.5 µs.
+[[nodiscard]] std::expected<Time, std::string> parse_period(std::string_view text);
+
+/// A speed in rpm: plain or "rpm", "rev/s" (rps), "deg/s". Within ±10^6.
+[[nodiscard]] std::expected<double, std::string> parse_rpm(std::string_view text);
+
+/// "62.5us", "1ms", "2.5s": the shortest exact way to write it, readable by parse_time.
+[[nodiscard]] std::string format_time(Time time);
+
+}  // namespace tm485::cli
