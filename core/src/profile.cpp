@@ -20,8 +20,8 @@ constexpr Profile tformat(std::string_view name, std::uint8_t bits, EnidSet enid
   return p;
 }
 
-constexpr Profile tm485(std::string_view name, std::uint8_t bits, std::uint8_t enid, std::uint8_t multi_turn_bits,
-                        bool battery = false) {
+constexpr Profile tm485(std::string_view name, std::uint8_t bits, std::uint8_t enid,
+                        std::uint8_t multi_turn_bits, bool battery = false) {
   Profile p;
   p.name = name;
   p.single_turn_bits = bits;

@@ -121,11 +121,12 @@ TEST_F(BusBackground, ErrorsCompleteItToo) {
   const struct {
     Bytes reply;
     Errc error;
-  } kCases[] = {{{}, Errc::timeout},
-                {test::eeprom_reply(0xEA, 2, 0x5A), Errc::eeprom_address_mismatch},
-                {{0xEA, 0x01, 0x5A, 0x00}, Errc::crc_error},
-                {test::eeprom_reply(0x32, 1, 0x5A), Errc::cf_mismatch},
-                {test::eeprom_reply(0xEA, 0x81, 0x5A), Errc::eeprom_busy}};  // bit 7 is no part of the address
+  } kCases[] = {
+      {{}, Errc::timeout},
+      {test::eeprom_reply(0xEA, 2, 0x5A), Errc::eeprom_address_mismatch},
+      {{0xEA, 0x01, 0x5A, 0x00}, Errc::crc_error},
+      {test::eeprom_reply(0x32, 1, 0x5A), Errc::cf_mismatch},
+      {test::eeprom_reply(0xEA, 0x81, 0x5A), Errc::eeprom_busy}};  // bit 7 is no part of the address
   for (const auto& c : kCases) {
     wrong = c.reply;
     ASSERT_TRUE(bus->offer(*Request::eeprom_read(1)));

@@ -52,8 +52,8 @@ enum class Errc : std::uint8_t {
   busy,               ///< another background exchange is pending
   period_below_t1,    ///< a period below the minimum T1 of the ID
   period_below_port,  ///< a period below what the port holds
-  abandoned,           ///< given up before its reply: it may have taken effect
-  bad_profile,         ///< a profile that contradicts itself
+  abandoned,          ///< given up before its reply: it may have taken effect
+  bad_profile,        ///< a profile that contradicts itself
 };
 
 inline constexpr std::size_t kErrcCount = static_cast<std::size_t>(Errc::bad_profile) + 1;

@@ -8,8 +8,8 @@
 #define TM485_VERSION_MINOR 1
 #define TM485_VERSION_PATCH 0
 
-#define TM485_VERSION_TEXT_(x) #x
-#define TM485_VERSION_TEXT(x) TM485_VERSION_TEXT_(x)
+#define TM485_VERSION_QUOTED(x) #x
+#define TM485_VERSION_TEXT(x) TM485_VERSION_QUOTED(x)
 
 /// "MAJOR.MINOR.PATCH" of the headers that a program was compiled with.
 #define TM485_VERSION_STRING              \

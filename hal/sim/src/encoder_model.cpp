@@ -43,7 +43,8 @@ constexpr std::uint8_t kNoKind = 0xFF;
 constexpr auto kKindOfByte = [] {
   std::array<std::uint8_t, 256> kinds{};
   kinds.fill(kNoKind);
-  for (std::uint8_t kind = 0; kind < kRequests.size(); ++kind) kinds[kRequests[kind].cf] = kind;
+  std::uint8_t kind = 0;
+  for (const auto& request : kRequests) kinds[request.cf] = kind++;
   return kinds;
 }();
 

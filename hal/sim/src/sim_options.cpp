@@ -146,7 +146,11 @@ class Parser {
   static Result put(To& to, const auto& value, std::string_view key, std::string_view text,
                     std::string_view expected) {
     if (!value) return bad(key, text, expected);
-    to = *value;
+    if constexpr (std::is_same_v<To, std::remove_cvref_t<decltype(value)>>) {
+      to = value;
+    } else {
+      to = *value;
+    }
     return {};
   }
 
@@ -206,7 +210,7 @@ class Parser {
     return put(boot_, time_span(value, kMaxBoot), key, value, "a time to 3600s such as 300ms");
   }
   Result read_echo(std::string_view key, std::string_view value) {
-    if (value != "" && value != "on" && value != "off") return bad(key, value, "on or off");
+    if (!value.empty() && value != "on" && value != "off") return bad(key, value, "on or off");
     options_.line.echo = value != "off";
     return {};
   }
