@@ -12,7 +12,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 # Cheap steps first: what fails, fails early.
-steps=(policy format headers heap arm clang asan tidy)
+steps=(policy format headers heap model arm tsan clang asan tidy)
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -41,7 +41,7 @@ header_alone() {
 step_headers() {
   local part headers header name own compiler flags="-std=c++23 -fsyntax-only ${warnings[*]} -Icore/include"
   export -f header_alone
-  for part in core hal/sim hal/linux; do
+  for part in core core/design hal/sim hal/linux; do
     # A hal's headers see the core and their own folder, and no other.
     own="-I$part/include"
     headers=$(sources "$part/include/*.hpp") || exit
@@ -121,6 +121,34 @@ step_clang() { build clang-dev && tests_of clang-dev; }
 
 about[asan]="address and undefined-behaviour sanitizers: build and tests"
 step_asan() { build asan && tests_of asan; }
+
+about[model]="relacy: the lock-free types under weak memory, and weakened twins that it must find"
+step_model() {
+  build dev tm485_model && build/dev/tests/model/tm485_model
+}
+
+about[tsan]="thread sanitizer with GCC and Clang 19, no suppressions: stress of the lock-free types, and races that it must find"
+step_tsan() {
+  local preset
+  for preset in tsan gcc-tsan; do
+    build "$preset" tm485_tests_sync tm485_sync_canary || return
+    # SpscRingWrap moves 2^32 bytes twice: a second in the tests of every other build, minutes in this one.
+    quiet "build/$preset/sync.log" "build/$preset/tests/tm485_tests_sync" --gtest_filter='-SpscRingWrap.*' || return
+    grep -oE '^\[ +PASSED +\] [0-9]+ tests' "build/$preset/sync.log" | sed "s/.*\] /$preset: no race in /"
+    canaries "build/$preset/tests/tm485_sync_canary" || return
+  done
+}
+# canaries PROGRAM: each race of tests/sync_canary must be reported. Otherwise the sanitizer sees nothing.
+canaries() {
+  local race report
+  for race in plain triple_buffer four_slot ring; do
+    if report=$("$1" "$race" 2>&1) || ! grep -q 'WARNING: ThreadSanitizer: data race' <<<"$report"; then
+      printf 'no race was reported in %s %s:\n%s\n' "$1" "$race" "$report" >&2
+      return 1
+    fi
+  done
+  printf '  and 4 of 4 seeded races were reported\n'
+}
 
 tests_of() {
   local status=0

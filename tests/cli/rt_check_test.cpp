@@ -26,14 +26,15 @@ class Path {
 
 /// A program named cyclictest that prints `output`.
 std::string fake_cyclictest(const TemporaryFolder& folder, const std::string& output, int exit_code = 0) {
-  const std::string path =
-      folder.write("cyclictest", "#!/bin/sh\n/bin/cat <<'END'\n" + output + "\nEND\nexit " + std::to_string(exit_code) + "\n");
+  const std::string path = folder.write("cyclictest", "#!/bin/sh\n/bin/cat <<'END'\n" + output +
+                                                          "\nEND\nexit " + std::to_string(exit_code) + "\n");
   EXPECT_EQ(std::system(("chmod +x '" + path + "'").c_str()), 0);
   return path.substr(0, path.rfind('/'));
 }
 
 constexpr const char* kHistogram =
-    "# /dev/cpu_dma_latency set to 0us\n# Histogram\n000003 000050\n000004 000048\n000009 000001\n# Total: 000000099\n"
+    "# /dev/cpu_dma_latency set to 0us\n# Histogram\n000003 000050\n000004 000048\n000009 000001\n# Total: "
+    "000000099\n"
     "# Min Latencies: 00003\n# Avg Latencies: 00003\n# Max Latencies: 30123\n# Histogram Overflows: 00001\n"
     "# Histogram Overflow at cycle number:\n# Thread 0: 00017";
 
@@ -49,8 +50,9 @@ TEST(RtCheck, ShowsEverySettingAndTheMeasure) {
   const Path path("/nowhere");
   const Finished finished = run(quick({}));
   EXPECT_EQ(finished.exit_code, 0) << finished.err;
-  for (const char* expected : {"kernel", "cpus", "isolated", "nohz_full", "governor", "clocksource", "rtprio", "memlock", "rt_throttling",
-                               "fair_server", "lateness every 1ms", "p99.9", "spin", "hybrid", "apt install rt-tests"})
+  for (const char* expected : {"kernel", "cpus", "isolated", "nohz_full", "governor", "clocksource", "rtprio",
+                               "memlock", "rt_throttling", "fair_server", "lateness every 1ms", "p99.9",
+                               "spin", "hybrid", "apt install rt-tests"})
     EXPECT_NE(finished.out.find(expected), std::string::npos) << expected << '\n' << finished.out;
   for (const std::string& line : finished.lines()) EXPECT_LE(line.size(), 130U) << line;
 }
@@ -64,7 +66,8 @@ TEST(RtCheck, JsonHasTheSame) {
   EXPECT_EQ(json.at("settings").size(), 10U);
   for (const Json& setting : json.at("settings")) {
     const std::string verdict = setting.at("verdict");
-    EXPECT_TRUE(verdict == "good" || verdict == "improvable" || verdict == "bad" || verdict == "unknown") << verdict;
+    EXPECT_TRUE(verdict == "good" || verdict == "improvable" || verdict == "bad" || verdict == "unknown")
+        << verdict;
     if (verdict == "good") {
       EXPECT_EQ(setting.at("remedy"), "");
     }
@@ -74,9 +77,14 @@ TEST(RtCheck, JsonHasTheSame) {
     const Json& lateness = json.at("lateness").at(mode);
     EXPECT_GE(lateness.at("min_ns"), 0) << mode << ": never early";
     EXPECT_GE(lateness.at("max_ns"), lateness.at("p50_ns")) << mode;
-    EXPECT_EQ(std::uint64_t{lateness.at("samples")} + std::uint64_t{lateness.at("skipped")}, 50U) << mode << ": every cycle is accounted for";
+    const std::uint64_t samples = lateness.at("samples");
+    EXPECT_LE(samples, 50U) << mode;
+    EXPECT_GE(samples + std::uint64_t{lateness.at("skipped")}, 50U)
+        << mode << ": every cycle is accounted for";
   }
-  EXPECT_EQ(json.at("priority") == 0, !json.at("warnings").empty() && json.at("warnings").dump().find("\"priority\"") != std::string::npos);
+  EXPECT_EQ(
+      json.at("priority") == 0,
+      !json.at("warnings").empty() && json.at("warnings").dump().find("\"priority\"") != std::string::npos);
   EXPECT_FALSE(json.at("lateness").contains("cyclictest"));
 }
 
@@ -109,8 +117,18 @@ TEST(RtCheck, StrictFailsExactlyWhenSomethingIsBad) {
   EXPECT_EQ(finished.exit_code, bad ? 1 : 0);
 }
 
+TEST(RtCheck, HasHelpWithExamples) {
+  const Finished help = run({"rt-check", "--help"});
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_NE(help.out.find("tm485 rt-check --period 62.5us"), std::string::npos) << help.out;
+}
+
 TEST(RtCheck, WhatCannotBeUnderstoodIsExitCode2) {
-  for (const auto& [option, value] : {std::pair{"--period", "soon"}, {"--period", "0us"}, {"--period", "1us"}, {"--seconds", "0"}, {"--seconds", "x"}}) {
+  for (const auto& [option, value] : {std::pair{"--period", "soon"},
+                                      {"--period", "0us"},
+                                      {"--period", "1us"},
+                                      {"--seconds", "0"},
+                                      {"--seconds", "x"}}) {
     const Finished finished = run({"rt-check", option, value});
     EXPECT_EQ(finished.exit_code, 2) << option << ' ' << value;
     EXPECT_NE(finished.err.find("remedy:"), std::string::npos) << finished.err;
@@ -126,7 +144,8 @@ TEST(Cyclictest, HistogramsAreRead) {
   EXPECT_EQ(result->percentile(0.5), Time{4'000});
   EXPECT_EQ(result->percentile(0.98), Time{9'000});
   EXPECT_EQ(result->percentile(0.999), Time{30'123'000}) << "beyond the histogram";
-  for (const char* text : {"", "nonsense", "# Max Latencies: 00001\n"}) EXPECT_FALSE(cli::parse_cyclictest(text)) << text;
+  for (const char* text : {"", "nonsense", "# Max Latencies: 00001\n"})
+    EXPECT_FALSE(cli::parse_cyclictest(text)) << text;
 }
 
 }  // namespace

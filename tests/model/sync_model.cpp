@@ -57,9 +57,10 @@ struct LatestModel : rl::test_suite<LatestModel<Buffer>, 2> {
   }
 };
 
-/// Items pass one by one and in batches through a ring of two; none is lost, doubled or out of order.
-template <class Atomics>
-struct RingModel : rl::test_suite<RingModel<Atomics>, 2> {
+/// Items pass through a ring of two, pushed one by one or in batches (which then cross its seam) and popped in
+/// batches; none is lost, doubled or out of order.
+template <class Atomics, std::size_t kBatch = 1>
+struct RingModel : rl::test_suite<RingModel<Atomics, kBatch>, 2> {
   using Ring = SpscRing<Pair, 2, Atomics>;
   Ring ring;
   static constexpr int kItems = 4;
@@ -69,10 +70,13 @@ struct RingModel : rl::test_suite<RingModel<Atomics>, 2> {
       typename Ring::Producer producer(ring);
       rl::linear_backoff wait;
       for (int next = 1; next <= kItems;) {
-        Pair item;
-        item.set(next);
-        if (producer.try_push(item)) {
-          ++next;
+        std::array<Pair, kBatch> items;
+        for (std::size_t i = 0; i < kBatch; ++i) items[i].set(next + static_cast<int>(i));
+        const auto left = std::min<std::size_t>(kBatch, static_cast<std::size_t>(kItems + 1 - next));
+        const std::size_t count = kBatch == 1 ? producer.try_push(items[0])
+                                              : producer.try_push(std::span<const Pair>(items).first(left));
+        if (count != 0) {
+          next += static_cast<int>(count);
         } else {
           wait.yield($);
         }
@@ -152,6 +156,7 @@ int main() {
   must_hold<LatestModel<FourSlot<Pair, RelacyAtomics>>>("FourSlot");
   must_fail<LatestModel<FourSlot<Pair, WeakAnnouncements>>>("  twin with relaxed announcements");
   must_hold<RingModel<RelacyAtomics>>("SpscRing", false);
+  must_hold<RingModel<RelacyAtomics, 2>>("SpscRing, batches", false);
   must_fail<RingModel<RelaxedStore>>("  twin with relaxed stores");
   must_fail<RingModel<RelaxedLoad>>("  twin with relaxed loads");
   must_hold<SharedModel<RelacyAtomics>>("SharedLatest", false);

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -13,6 +12,7 @@
 #include <cerrno>
 #include <charconv>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <system_error>
 
@@ -24,9 +24,19 @@ namespace tm485::cli {
 namespace {
 
 constexpr std::int64_t kHistogramUs = 20'000;
-constexpr const char* kRemedy = "try it by hand: sudo cyclictest -m -p80 -i1000 -D2 -q";
+constexpr const char* kRemedy =
+    "it needs the right to real-time priorities (see rtprio); by hand: sudo cyclictest -m -p80 -i1000 -D2 -q";
 
 Problem failed(std::string cause) { return {"cyclictest_failed", std::move(cause), kRemedy, kExitFailure}; }
+
+/// The beginning of what it said.
+std::string one_line(std::string_view text) {
+  constexpr std::size_t kMost = 300;
+  std::string line(text.substr(0, kMost));
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  line.erase(line.find_last_not_of(' ') + 1);
+  return line;
+}
 
 /// Numbers at the front of a text, with blanks between them.
 std::vector<std::uint64_t> numbers(std::string_view text, std::size_t most) {
@@ -43,7 +53,8 @@ std::vector<std::uint64_t> numbers(std::string_view text, std::size_t most) {
 }
 
 /// Both its outputs come through `pipe`; it gets no signal mask of ours.
-std::expected<pid_t, Problem> spawn(const std::string& path, const std::vector<std::string>& arguments, int pipe) {
+std::expected<pid_t, Problem> spawn(const std::string& path, const std::vector<std::string>& arguments,
+                                    int pipe) {
   std::vector<char*> argv;
   argv.reserve(arguments.size() + 1);
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
@@ -69,8 +80,10 @@ bool read_all(int fd, Time bound, std::string& text) {
     if (poll(&waiting, 1, kLookMs) <= 0) continue;
     const ssize_t got = read(fd, buffer.data(), buffer.size());
     if (got == 0) return true;
-    if (got > 0) text.append(buffer.data(), static_cast<std::size_t>(got));
-    else if (errno != EINTR) return false;
+    if (got > 0)
+      text.append(buffer.data(), static_cast<std::size_t>(got));
+    else if (errno != EINTR)
+      return false;
   }
   return false;
 }
@@ -106,14 +119,16 @@ std::expected<CyclictestResult, Problem> parse_cyclictest(std::string_view text)
     constexpr std::string_view kMaximum = "# Max Latencies:";
     constexpr std::string_view kOverflows = "# Histogram Overflows:";
     if (line.starts_with(kMaximum)) {
-      if (const auto found = numbers(line.substr(kMaximum.size()), 1); !found.empty()) result.set_maximum(found[0]);
+      if (const auto found = numbers(line.substr(kMaximum.size()), 1); !found.empty())
+        result.set_maximum(found[0]);
     } else if (line.starts_with(kOverflows)) {
-      if (const auto found = numbers(line.substr(kOverflows.size()), 1); !found.empty()) result.set_overflows(found[0]);
+      if (const auto found = numbers(line.substr(kOverflows.size()), 1); !found.empty())
+        result.set_overflows(found[0]);
     } else if (const auto bin = numbers(line, 2); bin.size() == 2) {
       result.add(bin[0], bin[1]);
     }
   }
-  if (result.count() == 0) return std::unexpected(failed(fmt::format("it printed no histogram: {}", all.substr(0, 300))));
+  if (result.count() == 0) return std::unexpected(failed("it printed no histogram: " + one_line(all)));
   return result;
 }
 
@@ -130,16 +145,25 @@ std::string find_cyclictest() {
   return {};
 }
 
-std::expected<CyclictestResult, Problem> run_cyclictest(const std::string& path, const CyclictestOptions& options) {
+std::expected<CyclictestResult, Problem> run_cyclictest(const std::string& path,
+                                                        const CyclictestOptions& options) {
   using std::chrono::seconds;
-  const std::int64_t whole_seconds = std::max<std::int64_t>(1, std::chrono::ceil<seconds>(options.duration).count());
+  const std::int64_t whole_seconds =
+      std::max<std::int64_t>(1, std::chrono::ceil<seconds>(options.duration).count());
   const std::int64_t us = std::max<std::int64_t>(1, options.period.count() / 1'000);
-  std::vector<std::string> arguments{path, "-q", "-m", "-t1", fmt::format("-h{}", kHistogramUs), fmt::format("-i{}", us), fmt::format("-D{}", whole_seconds)};
+  std::vector<std::string> arguments{path,
+                                     "-q",
+                                     "-m",
+                                     "-t1",
+                                     fmt::format("-h{}", kHistogramUs),
+                                     fmt::format("-i{}", us),
+                                     fmt::format("-D{}", whole_seconds)};
   if (options.priority > 0) arguments.push_back(fmt::format("-p{}", options.priority));
   if (options.cpu >= 0) arguments.push_back(fmt::format("-a{}", options.cpu));
 
   std::array<int, 2> ends{-1, -1};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0) return std::unexpected(failed("no pipe: " + std::generic_category().message(errno)));
+  if (pipe2(ends.data(), O_CLOEXEC) != 0)
+    return std::unexpected(failed("no pipe: " + std::generic_category().message(errno)));
   const linux_hal::FileDescriptor reading(ends[0]);
   linux_hal::FileDescriptor writing(ends[1]);
   const auto child = spawn(path, arguments, writing.get());
@@ -152,7 +176,8 @@ std::expected<CyclictestResult, Problem> run_cyclictest(const std::string& path,
   while (waitpid(*child, &status, 0) < 0 && errno == EINTR) {
   }
   if (!ended) return std::unexpected(failed(stop_requested() ? "it was stopped" : "it did not end in time"));
-  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) return std::unexpected(failed(fmt::format("it failed: {}", text.substr(0, 300))));
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+    return std::unexpected(failed("it failed: " + one_line(text)));
   return parse_cyclictest(text);
 }
 

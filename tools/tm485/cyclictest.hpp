@@ -50,6 +50,7 @@ class CyclictestResult {
 [[nodiscard]] std::string find_cyclictest();
 
 /// Runs it to its end; kills it when it takes ten seconds longer than it should, or when the user stops the command.
-[[nodiscard]] std::expected<CyclictestResult, Problem> run_cyclictest(const std::string& path, const CyclictestOptions& options);
+[[nodiscard]] std::expected<CyclictestResult, Problem> run_cyclictest(const std::string& path,
+                                                                      const CyclictestOptions& options);
 
 }  // namespace tm485::cli

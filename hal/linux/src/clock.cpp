@@ -21,9 +21,13 @@ MonotonicClock::MonotonicClock() noexcept : epoch_(monotonic()) {}
 Time MonotonicClock::now() const noexcept { return monotonic() - epoch_; }
 
 Time MonotonicClock::wait_until(Time target) const noexcept {
-  const Time wake = target - kSpinMargin;
-  if (now() < wake) {
-    const std::int64_t absolute = (epoch_ + wake).count();
+  (void)sleep_until(target - kSpinMargin);
+  return spin_until(target);
+}
+
+Time MonotonicClock::sleep_until(Time target) const noexcept {
+  if (now() < target) {
+    const std::int64_t absolute = (epoch_ + target).count();
     timespec at{};
     at.tv_sec = static_cast<std::time_t>(absolute / kSecond);
     at.tv_nsec = static_cast<long>(absolute % kSecond);
@@ -31,7 +35,7 @@ Time MonotonicClock::wait_until(Time target) const noexcept {
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr) == EINTR) {
     }
   }
-  return spin_until(target);
+  return now();
 }
 
 Time MonotonicClock::spin_until(Time target) const noexcept {

@@ -229,7 +229,7 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
   last_good_ = now;
   stale_at_ = now + valid_for();
   saturating_increment(statistics_.good);
-  if (!(sample.status() & profile_->profile().reserved_status).empty())
+  if (!(reply->frame().status() & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
   if (sample.alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
   if (sample.alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);

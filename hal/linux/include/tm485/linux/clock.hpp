@@ -25,6 +25,9 @@ class MonotonicClock {
   /// has passed. A signal does not end it. Blocks until `target`, so not for kNever.
   Time wait_until(Time target) const noexcept;
 
+  /// Sleeps until `target` and returns now(): as late as the wake-up is. A signal does not end it.
+  Time sleep_until(Time target) const noexcept;
+
   /// The same without sleeping: uses a whole core until `target`.
   Time spin_until(Time target) const noexcept;
 
