@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 set(libraries tm485_core)
 set(header_folders core/include/)
-foreach(pair IN ITEMS "tm485_sim hal/sim/include/" "tm485_sim_server hal/sim/include/" "tm485_hal_linux hal/linux/include/")
+foreach(pair IN ITEMS "tm485_design core/design/include/" "tm485_sim hal/sim/include/" "tm485_sim_server hal/sim/include/" "tm485_hal_linux hal/linux/include/")
   separate_arguments(pair)
   list(GET pair 0 target)
   list(GET pair 1 folder)

@@ -219,6 +219,51 @@ TEST(Exchange, AnEchoAloneIsATimeout) {
   EXPECT_EQ(run->error(), Errc::timeout);
 }
 
+// The head of the reply is taken for the echo: of ID3 it even looks like it, of the EEPROM's requests it does not.
+TEST(Exchange, AnEchoThatNeverCameIsAnEchoMismatchAtTheDeadline) {
+  for (const bool wire_timestamps : {false, true}) {
+    const struct {
+      Request request;
+      Bytes reply;
+    } kCases[] = {{*Request::make(DataId::everything), kReply},
+                  {*Request::make(DataId::encoder_id), test::id2_reply(0x11)},
+                  {*Request::make(DataId::single_turn), test::id0_reply(5)},
+                  {*Request::eeprom_read(5), test::eeprom_reply(0xEA, 5, 0x77)}};
+    for (const auto& c : kCases) {
+      Talk run(c.request, wire_timestamps, true, ns(0));
+      const Time begin = run->request_end() + us(3);
+      Bytes rest = c.reply;
+      for (std::size_t at = 0; at < c.reply.size();) {  // as much as the room takes, again and again
+        const Time start = begin + us(4) * static_cast<int>(at);
+        const std::size_t taken = run.give(rest, start, begin + us(44));
+        at += taken;
+        rest.erase(rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(taken));
+      }
+      ASSERT_EQ(run->state(), State::waiting);
+      run->on_time(run->deadline() + ns(1));
+      EXPECT_EQ(run->error(), Errc::echo_mismatch)
+          << c.request.bytes().size() << " bytes out, " << wire_timestamps;
+    }
+  }
+}
+
+TEST(Exchange, SilenceIsATimeoutAndACutReplyIncompleteWithAnEchoToo) {
+  for (const Request& request : {*Request::make(DataId::everything), *Request::make(DataId::encoder_id),
+                                 *Request::eeprom_read(5), *Request::eeprom_write(5, 6)}) {
+    Talk silent(request, true, true, ns(0));
+    silent->on_time(silent->deadline() + ns(1));
+    EXPECT_EQ(silent->error(), Errc::timeout) << "no byte at all; " << request.bytes().size() << " bytes out";
+  }
+  for (std::size_t length = 1; length < kReply.size(); ++length) {
+    Talk run(DataId::everything, true, true, ns(0));
+    run.give({0x1A}, us(100), us(104));
+    run.give({kReply.begin(), kReply.begin() + static_cast<std::ptrdiff_t>(length)}, kStart, us(151));
+    run->on_time(run->deadline() + ns(1));
+    EXPECT_EQ(run->error(), Errc::incomplete_reply)
+        << "the echo was there; " << length << " bytes of the reply";
+  }
+}
+
 // Without the profile's `echo` an echo is refused by its time, before its content could be believed.
 TEST(Exchange, AnEchoThatNobodyExpectsIsOutsideTheT2Window) {
   Talk run;

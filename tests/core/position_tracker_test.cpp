@@ -8,6 +8,7 @@
 #include "support/frames.hpp"
 #include "support/print.hpp"
 #include "support/profiles.hpp"
+#include "support/track.hpp"
 
 namespace tm485 {
 namespace {
@@ -17,41 +18,8 @@ using test::compiled;
 using test::error_of;
 using test::ms;
 using test::ns;
+using test::Track;
 using test::us;
-
-/// A tracker with its profile, fed with frames by hand.
-class Track {
- public:
-  explicit Track(const char* name = "tm485_17", AxisConfig axis = {}) : Track(test::preset(name), axis) {}
-  Track(const Profile& profile, const AxisConfig& axis)
-      : profile_(compiled(profile)), tracker_(profile_, axis) {}
-
-  std::expected<Sample, Errc> id3(std::uint32_t abs, std::uint32_t abm, std::uint8_t sf = 0,
-                                  std::uint8_t almc = 0) {
-    now_ += apart;
-    return feed(test::id3_reply(abs, abm, profile_.profile().enids.values[0], sf, almc), DataId::everything);
-  }
-  std::expected<Sample, Errc> id0(std::uint32_t abs, std::uint8_t sf = 0) {
-    return feed(test::id0_reply(abs, sf), DataId::single_turn);
-  }
-  std::expected<Sample, Errc> feed(const Bytes& bytes, DataId id) {
-    now_ += step;
-    const auto reply = Reply::parse(bytes, id, profile_);
-    if (!reply) return std::unexpected(reply.error());
-    return tracker_.update(*reply, now_);
-  }
-
-  PositionTracker& operator*() { return tracker_; }
-  PositionTracker* operator->() { return &tracker_; }
-  [[nodiscard]] Time now() const { return now_; }
-  Time step = us(4'900);                  ///< nearly half a revolution at the default max_speed_rpm
-  Time apart = std::chrono::seconds(10);  ///< before an ID3: it may be a thousand turns away
-
- private:
-  CompiledProfile profile_;
-  PositionTracker tracker_;
-  Time now_{0};
-};
 
 constexpr std::int64_t kTurn17 = 1 << 17;
 constexpr std::int64_t kTurn23 = 1 << 23;
@@ -115,7 +83,7 @@ TEST(PositionTracker, OneCountAcrossTheWrapOfBothCounters) {
 }
 
 TEST(PositionTracker, CountsMoreTurnsThan16Bits) {
-  Track track("tm485_17", {.max_speed_rpm = 1'000'000});
+  Track track("tm485_17", {.reference_turn = {}, .max_speed_rpm = 1'000'000});
   std::uint32_t abm = 1;
   std::int64_t turns = 0;
   for (int i = 0; i < 200; ++i) {

@@ -22,8 +22,8 @@ using namespace std::chrono_literals;
 
 TEST(Profile, PresetsCompileAndAreFoundByTheirNames) {
   const std::set<std::string_view> expected{
-      "tm485_17",           "tm485_17_st", "tm485_23",           "tformat_17",
-      "tformat_17_battery", "tformat_23",  "tformat_23_battery", "any"};
+      "tm485_17",   "tm485_17_battery",   "tm485_17_st", "tm485_23",           "tm485_23_battery",
+      "tformat_17", "tformat_17_battery", "tformat_23",  "tformat_23_battery", "any"};
   std::set<std::string_view> names;
   for (const Profile& profile : profile_presets()) {
     names.insert(profile.name);
@@ -78,6 +78,24 @@ TEST(Profile, APageChangeThatHoldsTheBusTakes18Ms) {
   const CompiledProfile shares = compiled("tformat_17");
   EXPECT_EQ(shares.t1(*Request::eeprom_write(kPageRegister, 3)), us(40));
   EXPECT_EQ(shares.t1(*Request::eeprom_write(0, 3)), us(40));
+}
+
+TEST(Profile, AWriteThatHoldsTheBusTakesTheLongerOfItsTimeAndT1) {
+  Profile p = preset("tm485_17");
+  p.eeprom_write_time = ms(12);
+  p.eeprom_page_time = ms(5);
+  const CompiledProfile longer = compiled(p);
+  EXPECT_EQ(longer.t1(*Request::eeprom_write(0, 3)), ms(12)) << "the write is longer than T1";
+  EXPECT_EQ(longer.t1(*Request::eeprom_write(kPageRegister, 3)), ms(10))
+      << "T1 is longer than the page change";
+  EXPECT_EQ(longer.t1(DataId::eeprom_write), ms(10));
+  p.eeprom_write_time = ms(0);
+  EXPECT_EQ(compiled(p).t1(*Request::eeprom_write(0, 3)), ms(10));
+  p.eeprom_write_time = ms(12);
+  p.eeprom_holds_bus = false;
+  const CompiledProfile shared = compiled(p);
+  EXPECT_EQ(shared.t1(*Request::eeprom_write(0, 3)), ms(10)) << "T1 alone";
+  EXPECT_EQ(shared.t1(*Request::eeprom_write(kPageRegister, 3)), ms(10));
 }
 
 TEST(Profile, WireTimes) {

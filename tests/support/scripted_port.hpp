@@ -23,7 +23,7 @@ class ScriptedPort {
     Bytes bytes;
     Time t2{3'000};
     Errc fault = Errc::ok;  ///< reported together with the first byte
-    Time late{0};           ///< handed out this much later than `delivery` says, and what follows not before it
+    Time late{0};  ///< handed out this much later than `delivery` says, and what follows not before it
   };
   /// A request on the line: its true first start bit, and when the bus asked for it.
   struct Sent {
@@ -43,7 +43,8 @@ class ScriptedPort {
   bool echo = false;     ///< the own request comes back
   bool refuses = false;  ///< try_send fails
   bool gone = false;     ///< the device has vanished
-  Transmission::State stuck_as = Transmission::State::sent;  ///< what transmission() says of a request that left
+  Transmission::State stuck_as =
+      Transmission::State::sent;  ///< what transmission() says of a request that left
 
   // What the test looks at.
   std::vector<Sent> sent;
