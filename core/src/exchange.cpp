@@ -18,7 +18,9 @@ void Exchange::on_time(Time now) noexcept {
   if (state_ != State::waiting || now <= deadline()) return;
   // A port that does not echo loses the head of the reply to the comparison with the echo.
   const std::size_t missing = std::size_t{reply_length_} - received_;
-  if (expects_echo_ && missing == request_.bytes().size()) return finish(Errc::echo_mismatch);
+  const bool headless =
+      received_ != 0 && buffer_[0] != request_.bytes()[0];  // behind an echo comes the reply's CF
+  if (expects_echo_ && headless && missing == request_.bytes().size()) return finish(Errc::echo_mismatch);
   // A fault seen on the way is a better cause than the silence that followed it.
   if (pending_ != Errc::ok) return finish(pending_);
   finish(received_ == 0 ? Errc::timeout : Errc::incomplete_reply);

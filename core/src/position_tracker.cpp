@@ -6,6 +6,7 @@ namespace tm485 {
 namespace {
 
 constexpr std::int64_t kNsPerMinute = 60'000'000'000;
+constexpr std::int64_t kLargestOffset = std::int64_t{1} << 60;
 
 }  // namespace
 
@@ -16,7 +17,7 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
   const bool counts_turns = profile.profile().multi_turn_bits != 0;
   offset_ = (std::int64_t{counts_turns ? axis.reference_turn.value_or(profile.profile().multi_turn_start) : 0}
              << bits) +
-            axis.zero_offset;
+            std::clamp(axis.zero_offset, -kLargestOffset, kLargestOffset);  // made before start() refuses it
   // Rounded up: a limit may be a little wide, never too narrow.
   speed_limit_ = (rpm << bits) / (kNsPerMinute >> 20) + 1;
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);

@@ -137,6 +137,7 @@ class Bus {
   void begin_due(Time now) noexcept;
   void send(const Request& request, Kind kind, Time now) noexcept;
   [[nodiscard]] Errc check_line(Time now) noexcept;
+  [[nodiscard]] bool still_leaving(Time now) noexcept;
   [[nodiscard]] Errc check_quiet(Time now) noexcept;
 
   // The exchange under way.
@@ -185,6 +186,8 @@ class Bus {
   std::optional<StartupError> startup_error_;
   BusState state_ = BusState::stopped;
   bool settling_ = false;  ///< the last exchange failed: late bytes of it may still come
+  bool leaving_ = false;   ///< and when last looked at, its request had not left
+  Time sent_span_{0};      ///< T1 of the last request that the port took, or its exchange if that is longer
   Kind kind_ = Kind::startup;
   std::uint8_t failed_in_a_row_ = 0;
   Time slot_{0};                      ///< of the cyclic exchange under way
@@ -200,4 +203,5 @@ class Bus {
 
 }  // namespace tm485
 
-#include "tm485/bus/bus_poll.hpp"  // IWYU pragma: export
+#include "tm485/bus/bus_poll.hpp"    // IWYU pragma: export
+#include "tm485/bus/bus_states.hpp"  // IWYU pragma: export

@@ -1,4 +1,4 @@
-// Bodies of Bus. Included by bus.hpp.
+// Bodies of Bus, first half: what is due, the request, the reply. Included by bus.hpp.
 #pragma once
 
 #include <algorithm>
@@ -16,8 +16,11 @@ std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
     if (!scheduler) return std::unexpected(scheduler.error());
     const bool by_turns = profile_->profile().multi_turn_bits != 0 && config_.cycle->id == DataId::everything;
     const bool unwraps = layout(config_.cycle->id).abs_at != 0 && !by_turns;
-    if (unwraps && scheduler->period() >= tracker_.unwrap_limit())
-      return std::unexpected(CycleRefusal{Errc::position_lost, tracker_.unwrap_limit() - Time{1}});
+    // The gap between two positions is longer than the period by what is not known of their instants.
+    const Time longest = tracker_.unwrap_limit() - profile_->profile().latch_uncertainty * 2 -
+                         capability_.jitter_margin - Time{1};
+    if (unwraps && scheduler->period() > longest)
+      return std::unexpected(CycleRefusal{Errc::position_lost, longest});
     scheduler_ = *scheduler;
     cyclic_request_ = *Request::make(config_.cycle->id);
   }
@@ -114,6 +117,8 @@ void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
     return;
   }
   settling_ = false;
+  leaving_ = false;
+  sent_span_ = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
   spacing_.on_start(*start, profile_->t1(request));
   if (kind != Kind::cyclic) return;
   scheduler_->on_start(*start, statistics_);
@@ -124,8 +129,21 @@ void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
 /// What keeps a request from being sent: noise, a vanished port, or the last request still on its way.
 template <Port P>
 Errc Bus<P>::check_line(Time now) noexcept {
-  if (settling_ && port_->transmission(now).state == Transmission::State::sending) return Errc::send_failed;
+  if (settling_ && still_leaving(now)) [[unlikely]] {
+    spacing_.hold_off(now + sent_span_ + capability_.latency_allowance);
+    return Errc::send_failed;
+  }
   return check_quiet(now);
+}
+
+/// True while the request of the exchange that failed has not left, and once more when it has: only from then on
+/// is it known when it left at the latest.
+template <Port P>
+bool Bus<P>::still_leaving(Time now) noexcept {
+  const Transmission::State state = port_->transmission(now).state;
+  const bool before = leaving_ && state != Transmission::State::failed;  // what was given up will not leave
+  leaving_ = state == Transmission::State::sending;
+  return before || leaving_;
 }
 
 /// ok, port_gone, or line_not_quiet: nobody speaks while no exchange is under way.
@@ -166,7 +184,8 @@ Errc Bus<P>::silence_cause(Time now) noexcept {
   const Transmission transmission = port_->transmission(now);
   if (transmission.state == Transmission::State::failed)
     return transmission.fault == Errc::ok ? Errc::send_failed : transmission.fault;
-  return transmission.state == Transmission::State::sending ? Errc::send_failed : Errc::ok;
+  leaving_ = transmission.state == Transmission::State::sending;
+  return leaving_ ? Errc::send_failed : Errc::ok;
 }
 
 /// The exchange failed on the line. A port that may still hold bytes of it, or the request itself, gets time
@@ -208,177 +227,6 @@ void Bus<P>::finish(Time now) noexcept {
       break;
   }
   finish_background(now);
-}
-
-template <Port P>
-void Bus<P>::finish_cyclic(Time now) noexcept {
-  saturating_increment(statistics_.cycles);
-  if (exchange_.has_reply_delay()) statistics_.reply_delay.add(exchange_.reply_delay());
-  if (exchange_.error() != Errc::ok) return cycle_failed(exchange_.error(), now);
-  const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
-  if (!reply) {
-    settle(now);
-    return cycle_failed(reply.error(), now);
-  }
-  // Failures as long as a restart: the encoder may have begun to count anew.
-  if (failed_in_a_row_ != 0 && now - last_good_ >= profile_->profile().boot_time_min) return give_up(now);
-  Sample& sample = latest_.draft();
-  const Errc error = tracker_.update(*reply, latch_time(), latch_uncertainty(now), sample);
-  if (error != Errc::ok) return cycle_failed(error, now);
-  failed_in_a_row_ = 0;
-  last_good_ = now;
-  stale_at_ = now + valid_for();
-  saturating_increment(statistics_.good);
-  if (!(reply->frame().status() & profile_->profile().reserved_status).empty())
-    saturating_increment(statistics_.reserved_status);
-  if (sample.alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
-  if (sample.alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);
-  latest_.publish();
-  record(Errc::ok, now);
-}
-
-template <Port P>
-void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
-  saturating_increment(statistics_.failed);
-  record(cause, now);
-  const Sample held = tracker_.hold(now, valid_for());
-  if (held.quality() == Quality::invalid && stale_at_ != kNever) {
-    stale_at_ = kNever;
-    saturating_increment(statistics_.invalidated);
-  }
-  publish(held);
-  constexpr std::uint8_t kFewest = 3;
-  if (failed_in_a_row_ < kFewest) ++failed_in_a_row_;
-  const Time silent = now - last_good_;
-  const bool lost = (failed_in_a_row_ == kFewest && silent >= config_.lost_after) ||
-                    silent >= profile_->profile().boot_time_min;
-  if (lost || cause == Errc::position_lost) give_up(now);
-}
-
-template <Port P>
-void Bus<P>::give_up(Time now) noexcept {
-  saturating_increment(statistics_.lost);
-  begin_startup(now);
-}
-
-template <Port P>
-void Bus<P>::finish_startup(Time now) noexcept {
-  Errc cause = exchange_.error();
-  if (cause == Errc::ok) {
-    const auto frame = Frame::parse(exchange_.reply(), exchange_.id());
-    cause = frame ? Errc::ok : frame.error();
-    if (frame) startup_.on_frame(*frame, latch_time(), latch_uncertainty(now), now);
-  }
-  record(cause, now);
-  if (cause != Errc::ok) startup_.on_error(cause, now);
-  after_startup_step(now);
-}
-
-template <Port P>
-void Bus<P>::after_startup_step(Time now) noexcept {
-  if (const auto failure = startup_.take_failure()) {
-    saturating_increment(statistics_.startup_failures);
-    // A failed exchange has been counted by record(); what only the sequence can see has not.
-    if (record_.result == Errc::ok || failure->stage == StartupStage::quiet)
-      statistics_.count_error(failure->cause);
-    begin_startup(now);
-    startup_error_ = failure;
-    return;
-  }
-  if (startup_.stage() != StartupStage::done) return;
-  // The last frame of the sequence is the first of the position; the first fresh sample comes with the first cycle.
-  if (const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_))
-    (void)tracker_.seed(*reply, latch_time(), latch_uncertainty(now));
-  saturating_increment(statistics_.startups);
-  startup_error_.reset();
-  failed_in_a_row_ = 0;
-  last_good_ = now;
-  cyclic_start_.reset();
-  state_ = BusState::running;
-  if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
-}
-
-/// Sixteen bins where they tell most: around the period, and over the T2 window or the port's latency.
-template <Port P>
-void Bus<P>::shape_histograms() noexcept {
-  constexpr std::uint8_t kFine = 8;  // 256 ns a bin
-  const Time half = Time{std::int64_t{Histogram::kBins / 2} << kFine};
-  if (scheduler_ && statistics_.t1.count() == 0)
-    statistics_.t1 = TimeStatistic(scheduler_->period() - half, kFine);
-  if (statistics_.reply_delay.count() != 0) return;
-  std::uint8_t shift = kFine;
-  if (!capability_.wire_timestamps) {
-    while (Time{std::int64_t{Histogram::kBins} << shift} < capability_.latency_allowance) ++shift;
-  }
-  statistics_.reply_delay =
-      TimeStatistic(capability_.wire_timestamps ? profile_->profile().t2_min : Time{0}, shift);
-}
-
-/// Leaves the exchange under way and the offer, which is told.
-template <Port P>
-void Bus<P>::abandon() noexcept {
-  const bool sent = in_flight() && kind_ == Kind::background;
-  exchange_.abandon();
-  if (offered_) complete_offer(std::unexpected(sent ? Errc::abandoned : Errc::bad_state));
-  stale_at_ = kNever;
-}
-
-template <Port P>
-void Bus<P>::begin_startup(Time now) noexcept {
-  abandon();
-  state_ = BusState::startup;
-  publish(tracker_.forget());
-  startup_.begin(now, capability_.latency_allowance);
-}
-
-template <Port P>
-void Bus<P>::poll_quiet(Time now) noexcept {
-  const Errc noise = check_quiet(now);
-  if (noise == Errc::ok) return;
-  startup_.on_noise(noise, now);
-  after_startup_step(now);
-}
-
-template <Port P>
-void Bus<P>::on_restart(Time now) noexcept {
-  if (state_ == BusState::stopped) return;
-  saturating_increment(statistics_.restarts);
-  begin_startup(now);
-}
-
-template <Port P>
-std::expected<void, Errc> Bus<P>::offer(const Request& request) noexcept {
-  if (state_ != BusState::running) return std::unexpected(Errc::bad_state);
-  if (offered_ || completion_) return std::unexpected(Errc::busy);
-  const Time span = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
-  if (scheduler_ && !scheduler_->has_gap_for(span)) return std::unexpected(Errc::no_gap);
-  offered_ = request;
-  passed_over_ = 0;
-  return {};
-}
-
-template <Port P>
-void Bus<P>::finish_background(Time now) noexcept {
-  saturating_increment(statistics_.background);
-  std::expected<Reply, Errc> result = std::unexpected(exchange_.error());
-  if (exchange_.error() == Errc::ok) result = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
-  if (result) {
-    const Frame& frame = result->frame();
-    const bool eeprom = frame.fields().adf_at != 0;
-    if (eeprom && frame.address() != exchange_.request().address()) {
-      result = std::unexpected(Errc::eeprom_address_mismatch);
-    } else if (frame.id() == DataId::eeprom_read && frame.eeprom_busy()) {
-      result = std::unexpected(Errc::eeprom_busy);
-    }
-  }
-  record(result ? Errc::ok : result.error(), now);
-  complete_offer(result);
-}
-
-template <Port P>
-void Bus<P>::complete_offer(const std::expected<Reply, Errc>& result) noexcept {
-  completion_.emplace(*offered_, result);
-  offered_.reset();
 }
 
 template <Port P>

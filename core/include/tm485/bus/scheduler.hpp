@@ -36,7 +36,7 @@ class RequestSpacing {
   /// No request may start earlier.
   [[nodiscard]] Time earliest() const noexcept { return earliest_; }
   /// A request started at `start`; the next may follow `t1` later.
-  void on_start(Time start, Time t1) noexcept { earliest_ = start + t1; }
+  void on_start(Time start, Time t1) noexcept { hold_off(start + t1); }
   /// Bytes of the reply were seen at `seen`. Without wire timestamps the start of the request is an
   /// estimate; but its true start was at least `shortest` before `seen`, which bounds it from above.
   void on_reply_seen(Time seen, Time shortest, Time t1) noexcept {

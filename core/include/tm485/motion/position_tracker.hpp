@@ -113,9 +113,11 @@ inline std::expected<std::int64_t, Errc> PositionTracker::unwrap(const Frame& fr
 /// Can a shaft at max_speed_rpm move so far in `elapsed`? Two counts are forgiven: both ends are quantised.
 inline bool PositionTracker::reachable(std::int64_t distance, Time elapsed) const noexcept {
   constexpr std::int64_t kQuantisation = 2;
-  constexpr Time kLongest = std::chrono::seconds(10);  // keeps the product in 63 bits
+  constexpr Time kFine = std::chrono::seconds(10);  // keeps the product in 63 bits
+  constexpr Time kLongest = std::chrono::hours(24);
   if (elapsed > kLongest) elapsed = kLongest;
-  const std::int64_t limit = ((speed_limit_ * elapsed.count()) >> 20) + kQuantisation;
+  const std::int64_t limit = elapsed > kFine ? speed_limit_ * ((elapsed.count() >> 20) + 1)
+                                             : ((speed_limit_ * elapsed.count()) >> 20) + kQuantisation;
   return elapsed >= Time{0} && distance <= limit && -distance <= limit;
 }
 

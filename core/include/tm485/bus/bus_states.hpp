@@ -1,0 +1,183 @@
+// Bodies of Bus, second half: what the verdict of an exchange means for the state. Included by bus.hpp.
+#pragma once
+
+#include <algorithm>
+
+#include "tm485/bus/bus.hpp"
+
+namespace tm485 {
+
+template <Port P>
+void Bus<P>::finish_cyclic(Time now) noexcept {
+  saturating_increment(statistics_.cycles);
+  if (exchange_.has_reply_delay()) statistics_.reply_delay.add(exchange_.reply_delay());
+  if (exchange_.error() != Errc::ok) return cycle_failed(exchange_.error(), now);
+  const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
+  if (!reply) {
+    settle(now);
+    return cycle_failed(reply.error(), now);
+  }
+  // Failures as long as a restart: the encoder may have begun to count anew.
+  if (failed_in_a_row_ != 0 && now - last_good_ >= profile_->profile().boot_time_min)
+    return cycle_failed(Errc::position_lost, now);
+  Sample& sample = latest_.draft();
+  const Errc error = tracker_.update(*reply, latch_time(), latch_uncertainty(now), sample);
+  if (error != Errc::ok) return cycle_failed(error, now);
+  failed_in_a_row_ = 0;
+  last_good_ = now;
+  stale_at_ = now + valid_for();
+  saturating_increment(statistics_.good);
+  if (!(reply->frame().status() & profile_->profile().reserved_status).empty())
+    saturating_increment(statistics_.reserved_status);
+  if (sample.alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
+  if (sample.alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);
+  latest_.publish();
+  record(Errc::ok, now);
+}
+
+template <Port P>
+void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
+  saturating_increment(statistics_.failed);
+  record(cause, now);
+  const Sample held = tracker_.hold(now, valid_for());
+  if (held.quality() == Quality::invalid && stale_at_ != kNever) {
+    stale_at_ = kNever;
+    saturating_increment(statistics_.invalidated);
+  }
+  publish(held);
+  constexpr std::uint8_t kFewest = 3;
+  if (failed_in_a_row_ < kFewest) ++failed_in_a_row_;
+  const Time silent = now - last_good_;
+  const bool lost = (failed_in_a_row_ == kFewest && silent >= config_.lost_after) ||
+                    silent >= profile_->profile().boot_time_min;
+  if (lost || cause == Errc::position_lost) give_up(now);
+}
+
+template <Port P>
+void Bus<P>::give_up(Time now) noexcept {
+  saturating_increment(statistics_.lost);
+  begin_startup(now);
+}
+
+template <Port P>
+void Bus<P>::finish_startup(Time now) noexcept {
+  Errc cause = exchange_.error();
+  if (cause == Errc::ok) {
+    const auto frame = Frame::parse(exchange_.reply(), exchange_.id());
+    cause = frame ? Errc::ok : frame.error();
+    if (frame) startup_.on_frame(*frame, latch_time(), latch_uncertainty(now), now);
+  }
+  record(cause, now);
+  if (cause != Errc::ok) startup_.on_error(cause, now);
+  after_startup_step(now);
+}
+
+template <Port P>
+void Bus<P>::after_startup_step(Time now) noexcept {
+  if (const auto failure = startup_.take_failure()) {
+    saturating_increment(statistics_.startup_failures);
+    // A failed exchange has been counted by record(); what only the sequence can see has not.
+    if (record_.result == Errc::ok || failure->stage == StartupStage::quiet)
+      statistics_.count_error(failure->cause);
+    begin_startup(now);
+    startup_error_ = failure;
+    return;
+  }
+  if (startup_.stage() != StartupStage::done) return;
+  // The last frame of the sequence is the first of the position; the first fresh sample comes with the first cycle.
+  if (const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_))
+    (void)tracker_.seed(*reply, latch_time(), latch_uncertainty(now));
+  saturating_increment(statistics_.startups);
+  startup_error_.reset();
+  failed_in_a_row_ = 0;
+  last_good_ = now;
+  cyclic_start_.reset();
+  state_ = BusState::running;
+  if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
+}
+
+/// Sixteen bins where they tell most: around the period, and over the T2 window or the port's latency.
+template <Port P>
+void Bus<P>::shape_histograms() noexcept {
+  constexpr std::uint8_t kFine = 8;  // 256 ns a bin
+  const Time half = Time{std::int64_t{Histogram::kBins / 2} << kFine};
+  if (scheduler_ && statistics_.t1.count() == 0)
+    statistics_.t1 = TimeStatistic(scheduler_->period() - half, kFine);
+  if (statistics_.reply_delay.count() != 0) return;
+  std::uint8_t shift = kFine;
+  if (!capability_.wire_timestamps) {
+    while (Time{std::int64_t{Histogram::kBins} << shift} < capability_.latency_allowance) ++shift;
+  }
+  statistics_.reply_delay =
+      TimeStatistic(capability_.wire_timestamps ? profile_->profile().t2_min : Time{0}, shift);
+}
+
+/// Leaves the exchange under way and the offer, which is told.
+template <Port P>
+void Bus<P>::abandon() noexcept {
+  if (in_flight()) settling_ = true;  // its request may still be in the port
+  const bool sent = in_flight() && kind_ == Kind::background;
+  exchange_.abandon();
+  if (offered_) complete_offer(std::unexpected(sent ? Errc::abandoned : Errc::bad_state));
+  stale_at_ = kNever;
+}
+
+template <Port P>
+void Bus<P>::begin_startup(Time now) noexcept {
+  abandon();
+  state_ = BusState::startup;
+  publish(tracker_.forget());
+  startup_.begin(now, capability_.latency_allowance);
+}
+
+template <Port P>
+void Bus<P>::poll_quiet(Time now) noexcept {
+  const Errc noise = settling_ && still_leaving(now) ? Errc::send_failed : check_quiet(now);
+  if (noise == Errc::ok) return;
+  startup_.on_noise(noise, now);
+  after_startup_step(now);
+}
+
+template <Port P>
+void Bus<P>::on_restart(Time now) noexcept {
+  if (state_ == BusState::stopped) return;
+  saturating_increment(statistics_.restarts);
+  begin_startup(now);
+}
+
+template <Port P>
+std::expected<void, Errc> Bus<P>::offer(const Request& request) noexcept {
+  if (state_ != BusState::running) return std::unexpected(Errc::bad_state);
+  if (offered_ || completion_) return std::unexpected(Errc::busy);
+  const Time span = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
+  if (scheduler_ && !scheduler_->has_gap_for(span)) return std::unexpected(Errc::no_gap);
+  offered_ = request;
+  passed_over_ = 0;
+  return {};
+}
+
+template <Port P>
+void Bus<P>::finish_background(Time now) noexcept {
+  saturating_increment(statistics_.background);
+  std::expected<Reply, Errc> result = std::unexpected(exchange_.error());
+  if (exchange_.error() == Errc::ok) result = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
+  if (result) {
+    const Frame& frame = result->frame();
+    const bool eeprom = frame.fields().adf_at != 0;
+    if (eeprom && frame.address() != exchange_.request().address()) {
+      result = std::unexpected(Errc::eeprom_address_mismatch);
+    } else if (frame.id() == DataId::eeprom_read && frame.eeprom_busy()) {
+      result = std::unexpected(Errc::eeprom_busy);
+    }
+  }
+  record(result ? Errc::ok : result.error(), now);
+  complete_offer(result);
+}
+
+template <Port P>
+void Bus<P>::complete_offer(const std::expected<Reply, Errc>& result) noexcept {
+  completion_.emplace(*offered_, result);
+  offered_.reset();
+}
+
+}  // namespace tm485
