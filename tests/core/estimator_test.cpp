@@ -182,18 +182,39 @@ TEST(Estimator, MissingSamplesAreBridgedWithGrowingVariance) {
     fixed_before = fixed.at(now).variance;
   }
   EXPECT_EQ(estimator.update(i * 100, Time{i * 62'500}), EstimatorState::tracking);
+  EXPECT_EQ(fixed.update(i * 100, Time{i * 62'500}), EstimatorState::tracking);
+  EXPECT_EQ(fixed.at(fixed.latch_time()).variance,
+            UINT32_MAX);  // not stated until its gains are steady again
   // Better at once, back to the steady state with time, never below it.
   float after = estimator.at(estimator.latch_time()).position_variance;
   EXPECT_LT(after, before);
   for (int k = 0; k < 100; ++k) {
     ++i;
     estimator.update(i * 100, Time{i * 62'500});
+    fixed.update(i * 100, Time{i * 62'500});
     const float now = estimator.at(estimator.latch_time()).position_variance;
     EXPECT_LT(now, before);
     EXPECT_GT(now, 0.98F * kTwo.covariance.pp);
     after = now;
   }
   EXPECT_FLOAT_EQ(after, kTwo.covariance.pp);
+  EXPECT_NEAR(fixed.at(fixed.latch_time()).variance, double{kTwo.covariance.pp} * 4096, 1.0);
+}
+
+TEST(StateCovariance, OfTwoSamplesIsThatOfTheirDifference) {
+  // Velocity: two samples' noise over the span, and what white jerk did in it; the unknown acceleration bends it.
+  constexpr double t = 1.5;
+  constexpr double noise = 0.2;
+  constexpr double sample = 0.7;
+  constexpr double acceleration = 3.0;
+  const auto p = StateCovariance<double>::of_two_samples(t, noise, 3, sample, acceleration);
+  EXPECT_NEAR(p.pp, sample, 1e-12);
+  EXPECT_NEAR(p.pv, sample / t, 1e-12);
+  EXPECT_NEAR(p.pa, 0.0, 1e-12);
+  const double motion = noise * t * t * t * (1.0 / 3 - 2.0 / 8 + 1.0 / 20);
+  EXPECT_NEAR(p.vv, 2 * sample / (t * t) + motion + acceleration * t * t / 4, 1e-12);
+  EXPECT_NEAR(p.va, noise * t * t * (1.0 / 2 - 1.0 / 6) + acceleration * t / 2, 1e-12);
+  EXPECT_NEAR(p.aa, noise * t + acceleration, 1e-12);
 }
 
 TEST(Estimator, TooLongAGapStartsAnew) {

@@ -280,7 +280,7 @@ TEST(EstimatorAccuracy, VelocityNoiseAtRandomSpeeds) {
 
 TEST(EstimatorAccuracy, ANarrowFilterKeepsItsPrecisionAtSpeed) {
   // 23 bits at 3000 rpm: a step of the velocity is 32 counts/s in a float, more than one correction of this filter.
-  const EstimatorDesign design = at_bandwidth(2, 50);
+  const EstimatorDesign design = at_bandwidth(2, 10);
   const double rate = 4.194304e8 + 12345.678;
   Estimator estimator(design.gains);
   double sum = 0;
