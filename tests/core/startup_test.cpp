@@ -42,7 +42,8 @@ TEST_F(BusTest, EncoderFirst) {
   const Time quiet = profile->t1(DataId::everything);  // longer than the longest reply
   ASSERT_TRUE(run_until_running());
   ASSERT_GE(port.sent.size(), 2U + 4U);
-  EXPECT_EQ(port.sent[0].start, quiet) << "the line was silent for a reply time, and for the T1 of a user before us";
+  EXPECT_EQ(port.sent[0].start, quiet)
+      << "the line was silent for a reply time, and for the T1 of a user before us";
   EXPECT_EQ(port.sent[0].bytes, Bytes{0x92});
   EXPECT_EQ(port.sent[1].bytes, Bytes{0x92});
   for (std::size_t i = 2; i < 6; ++i) EXPECT_EQ(port.sent[i].bytes, Bytes{0x1A});

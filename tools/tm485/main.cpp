@@ -156,14 +156,18 @@ void add_sim(CLI::App& root, Commands& commands) {
 }
 
 void add_rt_check(CLI::App& root, Commands& commands) {
-  CLI::App& app = *root.add_subcommand("rt-check", "What this machine allows a real-time thread, and how late one is");
+  CLI::App& app =
+      *root.add_subcommand("rt-check", "What this machine allows a real-time thread, and how late one is");
   RtCheckOptions& options = commands.rt_check;
-  app.add_option("--period", options.period, "Time (62.5us) or rate (16kHz) of the wake-ups")->capture_default_str();
-  app.add_option("--seconds", options.seconds, "How long each measure takes, in seconds or with a unit")->capture_default_str();
+  app.add_option("--period", options.period, "Time (62.5us) or rate (16kHz) of the wake-ups")
+      ->capture_default_str();
+  app.add_option("--seconds", options.seconds, "How long each measure takes, in seconds or with a unit")
+      ->capture_default_str();
   app.add_flag("--strict", options.strict, "Exit code 1 if a setting is bad");
   app.add_flag("--json", options.json, "One JSON object");
   app.footer(
-      "Needs no privileges; what is refused is said, with what to change. With rt-tests installed, cyclictest runs at\n"
+      "Needs no privileges; what is refused is said, with what to change. With rt-tests installed, "
+      "cyclictest runs at\n"
       "the same period. A measure that spins takes a whole core while it runs.\n"
       "Examples:\n"
       "  tm485 rt-check\n"
