@@ -152,7 +152,8 @@ std::expected<EstimatorDesign, DesignError> solve_for_bandwidth(EstimatorModel m
   if (const auto checked = check(model); !checked) return std::unexpected(checked.error());
   const double period = seconds(model.period);
   const double relative = bandwidth_hz * period;
-  if (!(relative >= 1e-4 && relative <= 0.4)) return std::unexpected(DesignError::bad_bandwidth);
+  const bool possible = relative >= 1e-4 && relative <= 0.4;  // false for a NaN
+  if (!possible) return std::unexpected(DesignError::bad_bandwidth);
   const double angle = 2.0 * std::numbers::pi * relative;
 
   // At a fixed frequency the response grows with the noise, up to where it would overshoot.

@@ -69,7 +69,7 @@ std::optional<Matrix> steady_state(unsigned order, double noise) {
     x = next;
     if (change < 1e-13) return x;
   }
-  const Matrix next = f * corrected(x, best_gain(x)) * f.transpose() + q;
+  Matrix next = f * corrected(x, best_gain(x)) * f.transpose() + q;
   if ((next - x).cwiseAbs().cwiseQuotient(next.cwiseAbs()).maxCoeff() > 1e-12) return std::nullopt;
   return next;
 }

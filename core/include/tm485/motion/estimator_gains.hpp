@@ -42,10 +42,12 @@ enum class EstimatorState : std::uint8_t {
   if (gains.order != 2 && !three) return false;
   if (gains.period < Time{1'000} || gains.period > Time{33'000'000}) return false;
   if (gains.longest_gap < 2 || gains.longest_gap > 32) return false;
-  if (!(position > 0.0F && position <= 1.0F && velocity > 0.0F && velocity < 2.0F)) return false;
-  if (three ? !(acceleration > 0.0F && acceleration < 2.0F) : acceleration != 0.0F) return false;
-  if (!(gains.covariance.pp > 0.0F && gains.covariance.vv > 0.0F)) return false;
-  if (three ? !(gains.covariance.aa > 0.0F) : gains.covariance.aa != 0.0F) return false;
+  // Written as what must hold, so that a NaN does not.
+  const bool gain_good = position > 0.0F && position <= 1.0F && velocity > 0.0F && velocity < 2.0F;
+  const bool third_good = three ? acceleration > 0.0F && acceleration < 2.0F : acceleration == 0.0F;
+  const bool spread_good = gains.covariance.pp > 0.0F && gains.covariance.vv > 0.0F;
+  const bool third_spread_good = three ? gains.covariance.aa > 0.0F : gains.covariance.aa == 0.0F;
+  if (!gain_good || !third_good || !spread_good || !third_spread_good) return false;
   // Far beyond any shaft; with more noise a sample would be all that counts.
   constexpr float kMost = 1e12F;
   const auto in_range = [](float value) { return value > 0.0F && value < kMost; };
