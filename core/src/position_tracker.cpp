@@ -23,6 +23,8 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
 }
 
+void PositionTracker::note(const Reply& reply) noexcept { take_fields(reply.frame()); }
+
 Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
   if (has_reply_ && now - latch_ > max_hold) has_reply_ = false;
   Sample sample;

@@ -3,25 +3,215 @@
 #include <algorithm>
 
 namespace tm485 {
+namespace {
 
-std::expected<Scheduler, CycleRefusal> Scheduler::make(const Cycle& cycle, const CompiledProfile& profile,
-                                                       const PortCapability& port) noexcept {
-  constexpr Time kLongest = std::chrono::hours(1);
-  if (number(cycle.id) > number(DataId::everything)) return std::unexpected(CycleRefusal{Errc::bad_argument});
-  if (cycle.period > kLongest) return std::unexpected(CycleRefusal{Errc::bad_argument, kLongest});
-  const Time t1 = profile.t1(cycle.id);
-  const Time nearest = std::max(t1, port.shortest_exchange);
-  const Time period = cycle.period == Time{0} ? nearest : cycle.period;
-  if (period < t1) return std::unexpected(CycleRefusal{Errc::period_below_t1, nearest});
-  if (period < port.shortest_exchange) return std::unexpected(CycleRefusal{Errc::period_below_port, nearest});
-  return Scheduler(cycle.id, period, t1, port.jitter_margin);
+constexpr Time kLongest = std::chrono::hours(1);
+/// Lateness that is carried on to the step that can catch it up, where not every step can.
+constexpr Time kCarried{1'000};
+
+[[nodiscard]] constexpr Time ceil_div(Time span, std::int64_t by) noexcept {
+  return Time{(span.count() + by - 1) / by};
 }
 
-void Scheduler::catch_up(Time late, Statistics& statistics) noexcept {
-  const std::int64_t passed = late / period_;
-  const auto counted = static_cast<std::uint32_t>(std::min<std::int64_t>(passed, UINT32_MAX));
-  saturating_increment(statistics.skipped, counted);
-  slot_ += passed * period_;
+/// The first step that no pattern can have, or size() if all are good.
+[[nodiscard]] std::size_t first_bad_step(const Pattern& pattern) noexcept {
+  std::size_t i = 0;
+  while (i < pattern.size() && number(pattern.step(i).id) <= number(DataId::everything) &&
+         pattern.step(i).slots != 0)
+    ++i;
+  return i;
+}
+
+[[nodiscard]] Time longest_ready(DataId id, const CompiledProfile& profile) noexcept {
+  return profile.exchange_max(id) - profile.request_time(id) - profile.profile().latch_offset;
+}
+
+}  // namespace
+
+std::expected<Scheduler, CycleRefusal> Scheduler::make(const Pattern& pattern, const Phase& phase,
+                                                       const CompiledProfile& profile,
+                                                       const PortCapability& port) noexcept {
+  const auto refuse = [](Errc code, Time nearest = Time{0}, std::size_t step = 0) {
+    return std::unexpected(CycleRefusal{code, nearest, static_cast<std::uint8_t>(step)});
+  };
+  if (pattern.size() == 0 || pattern.size() > Pattern::kMaxSteps) return refuse(Errc::bad_argument);
+  if (const std::size_t bad = first_bad_step(pattern); bad < pattern.size())
+    return refuse(Errc::bad_argument, Time{0}, bad);
+  if (pattern.slot() > kLongest) return refuse(Errc::bad_argument, kLongest);
+  const Time shortest = shortest_slot(pattern, profile, port);
+  Pattern complete = pattern;
+  if (pattern.slot() == Time{0}) complete.set_slot(shortest);
+  for (std::size_t i = 0; i < complete.size(); ++i) {
+    const Time span = complete.slot() * complete.step(i).slots;
+    if (span < profile.t1(complete.step(i).id)) return refuse(Errc::period_below_t1, shortest, i);
+    if (span < port.shortest_exchange) return refuse(Errc::period_below_port, shortest, i);
+  }
+  Scheduler scheduler(complete, phase, profile, port);
+  if (phase.kind == Phase::Kind::servo) {
+    const CycleRefusal refusal = scheduler.check_servo(shortest);
+    if (refusal.code != Errc::ok) return std::unexpected(refusal);
+    scheduler.lock_ = ServoLock(phase.servo, scheduler.length_, scheduler.latch_after_);
+  }
+  return scheduler;
+}
+
+Scheduler::Scheduler(const Pattern& pattern, const Phase& phase, const CompiledProfile& profile,
+                     const PortCapability& port) noexcept
+    : jitter_margin_(port.jitter_margin),
+      uniform_(pattern.size() == 1 && phase.kind != Phase::Kind::servo),
+      locked_(phase.kind == Phase::Kind::servo),
+      pattern_(pattern),
+      profile_(&profile),
+      phase_(phase),
+      latch_after_(profile.request_time(pattern.step(0).id) + profile.profile().latch_offset) {
+  measure(port);
+  load_step();
+}
+
+/// What the pattern's steps add up to.
+void Scheduler::measure(const PortCapability& port) noexcept {
+  Time total_slack{0};
+  Time last_position = -kNever;
+  const Profile& profile = profile_->profile();
+  // Twice round, so that the way from the last position to the first is seen as well.
+  for (std::size_t i = 0; i < 2 * pattern_.size(); ++i) {
+    const std::size_t step = i % pattern_.size();
+    const DataId id = pattern_.step(step).id;
+    const Time to_next = step_length(step);
+    if (layout(id).abs_at != 0) {
+      const Time gap = length_ - last_position;
+      const bool by_turns = id == DataId::everything && profile.multi_turn_bits != 0;
+      if (reads_position_) {
+        sample_gap_ = std::max(sample_gap_, gap);
+        if (!by_turns) unwrap_gap_ = std::max(unwrap_gap_, gap);
+      }
+      reads_position_ = true;
+      last_position = length_;
+    }
+    length_ += to_next;
+    const Time slack = to_next - profile_->t1(id);
+    total_slack += slack;
+    slack_ = std::min(slack_, slack);
+    gap_ = std::max(gap_, slack - port.jitter_margin);
+  }
+  length_ /= 2;
+  total_slack /= 2;
+  if (!reads_position_) {
+    for (std::size_t i = 0; i < pattern_.size(); ++i) sample_gap_ = std::max(sample_gap_, step_length(i));
+  }
+  const bool nothing_left = total_slack == Time{0} || total_slack < jitter_margin_;
+  free_ = phase_.kind == Phase::Kind::any && nothing_left;
+  const bool each_for_itself = pattern_.size() == 1 && phase_.kind == Phase::Kind::any;
+  tolerance_ = each_for_itself ? jitter_margin_ : std::max(jitter_margin_, kCarried);
+}
+
+Time Scheduler::shortest_slot(const Pattern& pattern, const CompiledProfile& profile,
+                              const PortCapability& port) noexcept {
+  Time shortest{1};
+  for (std::size_t i = 0; i < pattern.size(); ++i) {
+    const Pattern::Step step = pattern.step(i);
+    const Time needed = std::max(profile.t1(step.id), port.shortest_exchange);
+    shortest = std::max(shortest, ceil_div(needed, step.slots));
+  }
+  return shortest;
+}
+
+/// One of pattern and servo period is a whole multiple of the other, and the sample is there when the tick comes.
+CycleRefusal Scheduler::check_servo(Time shortest) const noexcept {
+  constexpr std::int64_t kMostPeriods = 255;
+  const ServoClock& clock = phase_.servo;
+  if (clock.period <= Time{0} || clock.period > kLongest) return {Errc::servo_mismatch};
+  const bool pattern_longer = length_ >= clock.period;
+  const Time longer = std::max(length_, clock.period);
+  const Time shorter = std::min(length_, clock.period);
+  const std::int64_t ratio = (longer + shorter / 2) / shorter;
+  const Time off = longer - shorter * ratio;
+  constexpr std::int64_t kWithin = 2000;  // 500 ppm: half of what the lock can follow
+  if (ratio > kMostPeriods || std::max(off, -off) > longer / kWithin) {
+    // The next longer slot with which it would fit.
+    const std::int64_t slots = length_ / pattern_.slot();
+    const Time length = pattern_longer ? clock.period * ((length_ + clock.period - Time{1}) / clock.period)
+                                       : clock.period / (clock.period / length_);
+    const Time slot = length / slots;
+    return {Errc::servo_mismatch, slot >= shortest && ratio <= kMostPeriods ? slot : Time{0}};
+  }
+  const Time ready = longest_ready(pattern_.step(0).id, *profile_);
+  if (clock.lead < ready) return {Errc::lead_too_short, ready};
+  if (clock.lead > longer) return {Errc::bad_argument};
+  return {Errc::ok};
+}
+
+Feasibility Scheduler::feasibility() const noexcept {
+  Feasibility result;
+  result.slot = pattern_.slot();
+  result.length = length_;
+  result.slack = slack_;
+  result.gap = gap_;
+  result.free_running = free_;
+  for (std::size_t i = 0; i < pattern_.size(); ++i)
+    result.ready = std::max(result.ready, longest_ready(pattern_.step(i).id, *profile_));
+  return result;
+}
+
+void Scheduler::begin(Time first) noexcept {
+  slot_ = first;
+  step_ = 0;
+  load_step();
+  if (phase_.kind == Phase::Kind::epoch) {
+    const Time into = (first + latch_after_ - phase_.epoch) % length_;
+    if (into > Time{0}) slot_ += length_ - into;
+    if (into < Time{0}) slot_ -= into;
+  }
+  if (locked_) lock_.begin(first);
+}
+
+void Scheduler::load_step() noexcept {
+  id_ = pattern_.step(step_).id;
+  to_next_ = step_length(step_);
+  t1_ = profile_->t1(id_);
+}
+
+void Scheduler::next_step() noexcept {
+  if (++step_ == pattern_.size()) {
+    step_ = 0;
+    if (locked_) slot_ = lock_.advance(1);
+  }
+  load_step();
+}
+
+std::uint32_t Scheduler::pass(Time until) noexcept {
+  std::uint64_t passed = 0;
+  if (until - slot_ > length_) {
+    const std::int64_t patterns = (until - slot_) / length_;
+    passed = static_cast<std::uint64_t>(patterns) * pattern_.size();
+    slot_ += length_ * patterns;
+    if (locked_ && step_ == 0) slot_ = lock_.advance(patterns);
+    if (locked_ && step_ != 0) (void)lock_.advance(patterns);
+  }
+  // What the servo clock's drift adds to so many patterns can be more than one of them; the rest is caught up later.
+  for (std::size_t i = 0; i <= Pattern::kMaxSteps && slot_ < until; ++i) {
+    next();
+    ++passed;
+  }
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(passed, UINT32_MAX));
+}
+
+std::uint32_t Scheduler::give_way(Time free_at) noexcept {
+  if (free_) {  // the grid moves: it is one slot that falls out
+    const bool moved = slot_ < free_at;
+    if (moved) slot_ = free_at;
+    return moved ? 1 : 0;
+  }
+  const Time until = free_at - tolerance_;
+  return slot_ < until ? pass(until) : 0;
+}
+
+void Scheduler::on_servo_tick(Time tick, Statistics& statistics) noexcept {
+  if (!locked_) return;
+  saturating_increment(statistics.servo_ticks);
+  const std::optional<Time> error = lock_.on_tick(tick);
+  if (!error) return saturating_increment(statistics.servo_locks);
+  if (lock_.state() == ServoLock::State::locked) statistics.servo_phase.add(*error);
 }
 
 }  // namespace tm485

@@ -27,7 +27,7 @@ PortCapability margin(Time jitter) {
   return port;
 }
 Scheduler made(DataId id, Time period, Time jitter = Time{0}) {
-  return *Scheduler::make({id, period}, profile(), margin(jitter));
+  return *Scheduler::make(Cycle{id, period}, profile(), margin(jitter));
 }
 
 void expect_refused(const Cycle& cycle, const PortCapability& port, Errc code, Time nearest) {
@@ -36,8 +36,8 @@ void expect_refused(const Cycle& cycle, const PortCapability& port, Errc code, T
   EXPECT_EQ(result.error().code, code);
   EXPECT_EQ(result.error().nearest, nearest);
   if (code == Errc::bad_argument) return;
-  EXPECT_TRUE(Scheduler::make({cycle.id, nearest}, profile(), port)) << "the nearest is possible";
-  EXPECT_FALSE(Scheduler::make({cycle.id, nearest - ns(1)}, profile(), port)) << "and nothing shorter";
+  EXPECT_TRUE(Scheduler::make(Cycle{cycle.id, nearest}, profile(), port)) << "the nearest is possible";
+  EXPECT_FALSE(Scheduler::make(Cycle{cycle.id, nearest - ns(1)}, profile(), port)) << "and nothing shorter";
 }
 
 TEST(Scheduler, RefusesWithTheNearestPossible) {
@@ -58,7 +58,7 @@ TEST(Scheduler, PeriodZeroIsTheShortestPossible) {
   EXPECT_EQ(made(DataId::single_turn, ns(0)).period(), us(40));
   PortCapability slow;
   slow.shortest_exchange = us(1'000);
-  EXPECT_EQ(Scheduler::make({}, profile(), slow)->period(), us(1'000));
+  EXPECT_EQ(Scheduler::make(Cycle{}, profile(), slow)->period(), us(1'000));
 }
 
 TEST(Scheduler, RunsFreeBelowT1PlusTheMargin) {

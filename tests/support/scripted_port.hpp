@@ -39,6 +39,7 @@ class ScriptedPort {
   std::function<Answer(const Bytes&, Time)> answer = [](const Bytes&, Time) { return Answer{}; };
   /// How much later than asked a request starts. The bus is told with wire timestamps only.
   std::function<Time()> lateness = [] { return Time{0}; };
+  Time behind{0};        ///< the caller's clock: what it passes as `now` was read so long ago
   Time delivery{0};      ///< last stop bit of a byte until it is handed out
   bool echo = false;     ///< the own request comes back
   bool refuses = false;  ///< try_send fails
@@ -83,7 +84,7 @@ class ScriptedPort {
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
     if (gone) return std::unexpected(Errc::port_gone);
     if (refuses) return std::unexpected(Errc::send_failed);
-    const Time start = now + lateness();
+    const Time start = now + behind + lateness();
     const Bytes bytes(request.begin(), request.end());
     sent.push_back({start, bytes, now});
     left_at_ = start + kCharacter * static_cast<std::int64_t>(bytes.size());
@@ -99,7 +100,7 @@ class ScriptedPort {
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
     if (gone) return {.fault = Errc::port_gone};
     Reception reception;
-    while (reception.count < buffer.size() && !line_.empty() && line_.front().ready <= now) {
+    while (reception.count < buffer.size() && !line_.empty() && line_.front().ready <= now + behind) {
       const Char& next = line_.front();
       if (reception.count == 0 && capability_.wire_timestamps) reception.first_start = next.start;
       if (next.fault != Errc::ok) reception.fault = next.fault;

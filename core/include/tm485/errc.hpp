@@ -52,6 +52,8 @@ enum class Errc : std::uint8_t {
   busy,               ///< another background exchange is pending
   period_below_t1,    ///< a period below the minimum T1 of the ID
   period_below_port,  ///< a period below what the port holds
+  servo_mismatch,     ///< pattern and servo period are no whole multiples of one another
+  lead_too_short,     ///< the sample would not be there when the servo tick comes
   abandoned,          ///< given up before its reply: it may have taken effect
   bad_profile,        ///< a profile that contradicts itself
 };

@@ -17,7 +17,7 @@ int main() {
 
   // ID3 (position, turns, alarms) every 62.5 us, the shortest period that the protocol allows.
   tm485::BusConfig config;
-  config.cycle = {.id = tm485::DataId::everything, .period = 62500ns};
+  config.cycle = tm485::Cycle{.id = tm485::DataId::everything, .period = 62500ns};
   tm485::Bus bus(encoder.port(), *profile, config);
 
   tm485::Time now{0};

@@ -15,7 +15,9 @@
 #include <expected>
 #include <optional>
 
+#include "tm485/bus/background.hpp"
 #include "tm485/bus/exchange.hpp"
+#include "tm485/bus/pattern.hpp"
 #include "tm485/bus/port.hpp"
 #include "tm485/bus/scheduler.hpp"
 #include "tm485/bus/startup.hpp"
@@ -34,7 +36,12 @@ namespace tm485 {
 
 /// What a bus does. Copied at construction.
 struct BusConfig {
-  std::optional<Cycle> cycle = Cycle{};  ///< none: after start-up only background exchanges
+  std::optional<Pattern> cycle = Pattern{};  ///< a Cycle or a Pattern; none: only background exchanges
+  Phase phase;                               ///< when the pattern starts; locked to a servo clock, or not
+  /// What happens to a background request that fits into no gap of the pattern. 0: it is refused (no_gap). N: it
+  /// takes cyclic slots, one in N (two in 2 N if it needs two), while the sample is held; refused if it would take
+  /// them for longer than max_hold.
+  std::uint16_t steal_every = 0;
   AxisConfig axis;
   /// A sample is invalid when its successor is overdue by this: at an age of one period and max_hold.
   Time max_hold = std::chrono::milliseconds(2);
@@ -44,8 +51,6 @@ struct BusConfig {
   /// encoder must not go unnoticed behind them.
   Time lost_after{0};
 };
-
-enum class BusState : std::uint8_t { stopped, startup, running };
 
 /// The last exchange, for whoever records every cycle.
 struct CycleRecord {
@@ -58,12 +63,6 @@ struct CycleRecord {
   Time seen{0};         ///< when its verdict was known
   Time reply_delay{0};  ///< T2, or what the host has seen of it
   bool has_reply_delay = false;
-};
-
-/// A finished background exchange.
-struct Completion {
-  Request request;
-  std::expected<Reply, Errc> result;
 };
 
 template <Port P>
@@ -84,8 +83,10 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Checks axis and cycle against profile and port, and begins start-up at `now`; a bus that runs begins anew.
-  /// On a refusal nothing has changed.
+  /// Can the pattern be kept with this profile and port? Its slack, or why not. Sends nothing, changes nothing.
+  /// Without a pattern: all zero. Errors: see CycleRefusal.
+  [[nodiscard]] std::expected<Feasibility, CycleRefusal> check() const noexcept;
+  /// As check(), and begins start-up at `now`; a bus that runs begins anew. On a refusal nothing has changed.
   [[nodiscard]] std::expected<void, CycleRefusal> start(Time now) noexcept;
   /// Sends nothing more; an exchange under way is abandoned, its T1 still holds.
   void stop() noexcept;
@@ -97,16 +98,24 @@ class Bus {
   /// The encoder was restarted (its power failed, or a tool says so): start-up begins again.
   void on_restart(Time now) noexcept;
 
-  /// Asks for one background exchange in the free time of the pattern. Errors: bad_state before
-  /// start-up is through, busy while another one is pending, no_gap if the pattern has no room for it. An offer
-  /// always ends in a completion: that of its exchange; no_gap if late starts kept it waiting for 64 slots;
-  /// bad_state if the bus left the running state before it was sent, abandoned if after.
-  [[nodiscard]] std::expected<void, Errc> offer(const Request& request) noexcept;
-  /// The result of the last offer, once.
-  [[nodiscard]] std::optional<Completion> take_completion() noexcept {
-    std::optional<Completion> completion = completion_;
-    completion_.reset();
-    return completion;
+  /// A tick of the servo clock (BusConfig::phase), stamped at `tick`; ignored without one. Ticks before start-up is
+  /// through are ignored too.
+  void on_servo_tick(Time tick) noexcept {
+    if (state_ == BusState::running && scheduler_) scheduler_->on_servo_tick(tick, statistics_);
+  }
+
+  /// Asks for one background exchange: a reset request goes before the next cyclic one, everything else into the
+  /// free time of the pattern (or see BusConfig::steal_every). One of each class (Priority) can wait. Errors:
+  /// bad_state before start-up is through, busy while one of its class is pending or its completion was not
+  /// taken, no_gap if the pattern has no room for it. An offer always ends in a completion: that of its exchange;
+  /// no_gap if it waited in vain for 64 slots (with steal_every: four times that, if more); bad_state if the bus left
+  /// the running state before it was sent, abandoned if after. `ticket` is for the caller's own use.
+  [[nodiscard]] std::expected<void, Errc> offer(const Request& request, std::uint32_t ticket = 0) noexcept;
+  /// A completion, once; the most urgent class first.
+  [[nodiscard]] std::optional<Completion> take_completion() noexcept { return background_.take(); }
+  /// That of one class.
+  [[nodiscard]] std::optional<Completion> take_completion(Priority priority) noexcept {
+    return background_.take(priority);
   }
 
   /// The newest sample. The one function for the reader's context; wait-free.
@@ -125,15 +134,30 @@ class Bus {
   [[nodiscard]] std::uint32_t record_count() const noexcept { return record_count_; }
   /// The cyclic grid, if there is one.
   [[nodiscard]] const std::optional<Scheduler>& scheduler() const noexcept { return scheduler_; }
+  /// While an exchange is under way: when its reply can be complete at the earliest. Otherwise kNever.
+  [[nodiscard]] Time reply_expected() const noexcept {
+    return in_flight() ? exchange_.start() + profile_->exchange_min(exchange_.id()) : kNever;
+  }
+  /// From the start of a request to the encoder's latch.
+  [[nodiscard]] Time latch_after(DataId id) const noexcept {
+    return profile_->request_time(id) + profile_->profile().latch_offset;
+  }
 
  private:
   using Kind = CycleRecord::Kind;
 
   // What to do next, and when.
-  [[nodiscard]] bool in_flight() const noexcept { return exchange_.state() == Exchange::State::waiting; }
+  [[nodiscard]] bool in_flight() const noexcept {
+    return exchange_.state() == Exchange::State::waiting || arrived_;
+  }
   [[nodiscard]] Time wake_up(Time due) const noexcept { return due < stale_at_ ? due : stale_at_; }
   [[nodiscard]] Time next_due(Time now) const noexcept;
-  [[nodiscard]] bool background_fits(Time start) const noexcept;
+  [[nodiscard]] Time span_of(const Request& request) const noexcept;
+  [[nodiscard]] bool fits(const Request& request, Time start) const noexcept;
+  [[nodiscard]] bool may_steal(const Request& request) const noexcept;
+  void begin_background(const Request& request, Time now) noexcept;
+  void slot_passed() noexcept;
+  [[nodiscard]] std::expected<Scheduler, CycleRefusal> make_scheduler() const noexcept;
   void begin_due(Time now) noexcept;
   void send(const Request& request, Kind kind, Time now) noexcept;
   [[nodiscard]] Errc check_line(Time now) noexcept;
@@ -145,9 +169,10 @@ class Bus {
   [[nodiscard]] Errc silence_cause(Time now) noexcept;
   void finish(Time now) noexcept;
   void finish_cyclic(Time now) noexcept;
+  void note(const Reply& reply, Time now) noexcept;
+  void cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept;
   void finish_startup(Time now) noexcept;
   void finish_background(Time now) noexcept;
-  void complete_offer(const std::expected<Reply, Errc>& result) noexcept;
   void record(Errc result, Time now) noexcept;
 
   // States.
@@ -164,7 +189,7 @@ class Bus {
 
   /// How old a sample may become before it is invalid.
   [[nodiscard]] Time valid_for() const noexcept {
-    return config_.max_hold + (scheduler_ ? scheduler_->period() : Time{0});
+    return config_.max_hold + (scheduler_ ? scheduler_->sample_gap() : Time{0});
   }
   [[nodiscard]] Time latch_uncertainty(Time seen) const noexcept;
   [[nodiscard]] Time latch_time() const noexcept {
@@ -180,12 +205,11 @@ class Bus {
   std::optional<Scheduler> scheduler_;
   RequestSpacing spacing_;
   Exchange exchange_;
-  Request cyclic_request_ = *Request::make(DataId::everything);
-  std::optional<Request> offered_;
-  std::optional<Completion> completion_;
+  BackgroundQueue background_;
   std::optional<StartupError> startup_error_;
   BusState state_ = BusState::stopped;
   bool settling_ = false;  ///< the last exchange failed: late bytes of it may still come
+  bool arrived_ = false;   ///< the exchange is done, and waits for a clock that was read after it
   bool leaving_ = false;   ///< and when last looked at, its request had not left
   Time sent_span_{0};      ///< T1 of the last request that the port took, or its exchange if that is longer
   Kind kind_ = Kind::startup;
@@ -193,7 +217,7 @@ class Bus {
   Time slot_{0};                      ///< of the cyclic exchange under way
   std::optional<Time> cyclic_start_;  ///< of the last cyclic request
   Time stale_at_ = kNever;            ///< when the published sample becomes invalid
-  std::uint8_t passed_over_ = 0;      ///< slots that the offer has waited
+  std::uint32_t to_steal_ = 0;        ///< cyclic slots until one may be stolen again
   Time last_good_{0};                 ///< when the last good cycle or start-up was seen
   Statistics statistics_;
   CycleRecord record_;

@@ -9,20 +9,33 @@
 namespace tm485 {
 
 template <Port P>
+std::expected<Scheduler, CycleRefusal> Bus<P>::make_scheduler() const noexcept {
+  const auto scheduler = Scheduler::make(*config_.cycle, config_.phase, *profile_, capability_);
+  if (!scheduler) return scheduler;
+  // The gap between two positions is longer than in the pattern by what is not known of their instants.
+  const Time longest = tracker_.unwrap_limit() - profile_->profile().latch_uncertainty * 2 -
+                       capability_.jitter_margin - Time{1};
+  if (scheduler->unwrap_gap() <= longest) return scheduler;
+  const std::int64_t slots = scheduler->unwrap_gap() / scheduler->pattern().slot();
+  return std::unexpected(CycleRefusal{Errc::position_lost, longest / slots});
+}
+
+template <Port P>
+std::expected<Feasibility, CycleRefusal> Bus<P>::check() const noexcept {
+  if (!config_.axis.valid()) return std::unexpected(CycleRefusal{Errc::bad_argument});
+  if (!config_.cycle) return Feasibility{};
+  const auto scheduler = make_scheduler();
+  if (!scheduler) return std::unexpected(scheduler.error());
+  return scheduler->feasibility();
+}
+
+template <Port P>
 std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
   if (!config_.axis.valid()) return std::unexpected(CycleRefusal{Errc::bad_argument});
   if (config_.cycle) {
-    const auto scheduler = Scheduler::make(*config_.cycle, *profile_, capability_);
+    const auto scheduler = make_scheduler();
     if (!scheduler) return std::unexpected(scheduler.error());
-    const bool by_turns = profile_->profile().multi_turn_bits != 0 && config_.cycle->id == DataId::everything;
-    const bool unwraps = layout(config_.cycle->id).abs_at != 0 && !by_turns;
-    // The gap between two positions is longer than the period by what is not known of their instants.
-    const Time longest = tracker_.unwrap_limit() - profile_->profile().latch_uncertainty * 2 -
-                         capability_.jitter_margin - Time{1};
-    if (unwraps && scheduler->period() > longest)
-      return std::unexpected(CycleRefusal{Errc::position_lost, longest});
     scheduler_ = *scheduler;
-    cyclic_request_ = *Request::make(config_.cycle->id);
   }
   shape_histograms();
   begin_startup(now);
@@ -41,8 +54,15 @@ Time Bus<P>::poll(Time now) noexcept {
   if (now >= stale_at_) [[unlikely]]
     go_stale(now);
   if (in_flight()) {
-    receive(now);
-    if (in_flight()) return wake_up(exchange_.deadline() + Time{1});
+    if (!arrived_) {
+      receive(now);
+      if (in_flight()) return wake_up(exchange_.deadline() + Time{1});
+      // The owner may have read its clock long before the port was asked. Where the port does not say when the bytes
+      // came, the next call's `now` is the first instant that is known to be later.
+      arrived_ = !capability_.wire_timestamps;
+      if (arrived_) return now;
+    }
+    arrived_ = false;
     finish(now);
   }
   if (state_ == BusState::stopped) return kNever;
@@ -69,16 +89,28 @@ Time Bus<P>::next_due(Time now) const noexcept {
   if (state_ == BusState::startup) {
     return std::max(startup_.due(), earliest);
   }
-  if (offered_ && background_fits(std::max(now, earliest))) return earliest;
+  const Request* const waiting = background_.next();
+  if (waiting != nullptr && (background_.has_reset() || fits(*waiting, std::max(now, earliest))))
+    return earliest;
   return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
+}
+
+/// From the start of a background exchange until the line is free again.
+template <Port P>
+Time Bus<P>::span_of(const Request& request) const noexcept {
+  return std::max(profile_->t1(request), profile_->exchange_max(request.id()));
 }
 
 /// Admission: a background exchange must be over, with its T1, before the next cyclic slot.
 template <Port P>
-bool Bus<P>::background_fits(Time start) const noexcept {
-  if (!scheduler_) return true;
-  const Request& request = *offered_;
-  return start + std::max(profile_->t1(request), profile_->exchange_max(request.id())) <= scheduler_->slot();
+bool Bus<P>::fits(const Request& request, Time start) const noexcept {
+  return !scheduler_ || start + span_of(request) <= scheduler_->slot();
+}
+
+/// True if a request that fits into no gap may have the slot that is due.
+template <Port P>
+bool Bus<P>::may_steal(const Request& request) const noexcept {
+  return config_.steal_every != 0 && to_steal_ == 0 && !scheduler_->has_gap_for(span_of(request));
 }
 
 template <Port P>
@@ -91,11 +123,42 @@ void Bus<P>::begin_due(Time now) noexcept {
     }
     return;
   }
-  if (offered_ && background_fits(now)) return send(*offered_, Kind::background, now);
+  const Request* const waiting = background_.next();
+  if (waiting != nullptr && (background_.has_reset() || fits(*waiting, now)))
+    return begin_background(*waiting, now);
   if (!scheduler_ || now < scheduler_->slot()) return;
-  constexpr std::uint8_t kMostSlots = 64;
-  if (offered_ && ++passed_over_ >= kMostSlots) complete_offer(std::unexpected(Errc::no_gap));
-  send(cyclic_request_, Kind::cyclic, now);
+  if (waiting != nullptr) [[unlikely]] {
+    if (may_steal(*waiting)) return begin_background(*waiting, now);
+    slot_passed();
+  }
+  if (to_steal_ != 0) --to_steal_;
+  send(*Request::make(scheduler_->id()), Kind::cyclic, now);
+}
+
+/// The cyclic slots that it takes fall out; their cycles show the held sample.
+template <Port P>
+void Bus<P>::begin_background(const Request& request, Time now) noexcept {
+  const bool reset = background_.has_reset();
+  const Time free_at = now + span_of(request);
+  send(request, Kind::background, now);
+  if (!scheduler_) return;
+  const std::uint32_t taken = scheduler_->give_way(free_at);
+  if (taken == 0) return;
+  saturating_increment(reset ? statistics_.displaced : statistics_.stolen, taken);
+  if (!reset) to_steal_ = taken * (config_.steal_every - 1U);
+  if (stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
+}
+
+/// What waits has waited for one more cyclic slot.
+template <Port P>
+void Bus<P>::slot_passed() noexcept {
+  const std::uint32_t most = std::max<std::uint32_t>(BackgroundQueue::kMostSlots, 4U * config_.steal_every);
+  const std::optional<Priority> starved = background_.on_slot_passed(most);
+  for (const Priority priority : {Priority::eeprom, Priority::diagnostics})
+    statistics_.longest_wait = std::max(statistics_.longest_wait, background_.waited(priority));
+  if (!starved) return;
+  saturating_increment(statistics_.starved);
+  background_.complete(*starved, std::unexpected(Errc::no_gap));
 }
 
 template <Port P>

@@ -20,18 +20,35 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
   // Failures as long as a restart: the encoder may have begun to count anew.
   if (failed_in_a_row_ != 0 && now - last_good_ >= profile_->profile().boot_time_min)
     return cycle_failed(Errc::position_lost, now);
+  if (layout(exchange_.id()).abs_at == 0 && scheduler_->reads_position()) return note(*reply, now);
   Sample& sample = latest_.draft();
   const Errc error = tracker_.update(*reply, latch_time(), latch_uncertainty(now), sample);
   if (error != Errc::ok) return cycle_failed(error, now);
+  stale_at_ = now + valid_for();
+  const AlarmLevel alarm = sample.alarm();
+  latest_.publish();
+  cycle_good(*reply, alarm, now);
+}
+
+/// A good reply without a position, in a pattern that reads positions in other slots: turns, ENID and status are
+/// news, the position is the last one.
+template <Port P>
+void Bus<P>::note(const Reply& reply, Time now) noexcept {
+  tracker_.note(reply);
+  const Sample held = tracker_.hold(now, valid_for());
+  publish(held);
+  cycle_good(reply, held.alarm(), now);
+}
+
+template <Port P>
+void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept {
   failed_in_a_row_ = 0;
   last_good_ = now;
-  stale_at_ = now + valid_for();
   saturating_increment(statistics_.good);
-  if (!(reply->frame().status() & profile_->profile().reserved_status).empty())
+  if (!(reply.frame().status() & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
-  if (sample.alarm() == AlarmLevel::warning) saturating_increment(statistics_.warnings);
-  if (sample.alarm() == AlarmLevel::fault) saturating_increment(statistics_.faults);
-  latest_.publish();
+  if (alarm == AlarmLevel::warning) saturating_increment(statistics_.warnings);
+  if (alarm == AlarmLevel::fault) saturating_increment(statistics_.faults);
   record(Errc::ok, now);
 }
 
@@ -118,7 +135,9 @@ void Bus<P>::abandon() noexcept {
   if (in_flight()) settling_ = true;  // its request may still be in the port
   const bool sent = in_flight() && kind_ == Kind::background;
   exchange_.abandon();
-  if (offered_) complete_offer(std::unexpected(sent ? Errc::abandoned : Errc::bad_state));
+  arrived_ = false;
+  const auto under_way = sent ? std::optional(priority_of(exchange_.request())) : std::nullopt;
+  background_.complete_all(Errc::bad_state, under_way, Errc::abandoned);
   stale_at_ = kNever;
 }
 
@@ -146,14 +165,14 @@ void Bus<P>::on_restart(Time now) noexcept {
 }
 
 template <Port P>
-std::expected<void, Errc> Bus<P>::offer(const Request& request) noexcept {
+std::expected<void, Errc> Bus<P>::offer(const Request& request, std::uint32_t ticket) noexcept {
   if (state_ != BusState::running) return std::unexpected(Errc::bad_state);
-  if (offered_ || completion_) return std::unexpected(Errc::busy);
-  const Time span = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
-  if (scheduler_ && !scheduler_->has_gap_for(span)) return std::unexpected(Errc::no_gap);
-  offered_ = request;
-  passed_over_ = 0;
-  return {};
+  if (scheduler_ && priority_of(request) != Priority::reset_run) {
+    const Time span = span_of(request);
+    const bool can_steal = config_.steal_every != 0 && span <= config_.max_hold;
+    if (!scheduler_->has_gap_for(span) && !can_steal) return std::unexpected(Errc::no_gap);
+  }
+  return background_.offer(request, ticket);
 }
 
 template <Port P>
@@ -171,13 +190,7 @@ void Bus<P>::finish_background(Time now) noexcept {
     }
   }
   record(result ? Errc::ok : result.error(), now);
-  complete_offer(result);
-}
-
-template <Port P>
-void Bus<P>::complete_offer(const std::expected<Reply, Errc>& result) noexcept {
-  completion_.emplace(*offered_, result);
-  offered_.reset();
+  background_.complete(priority_of(exchange_.request()), result);
 }
 
 }  // namespace tm485

@@ -1,34 +1,25 @@
 // Scheduler: when the next cyclic request is due, and what a late one does to the grid.
 //
 // A start is max(slot, previous start + T1 of the previous ID); T1 is kept by RequestSpacing for
-// every request of the bus, cyclic or not. A period of T1, or below T1 + jitter margin, runs *free*: a late
-// start moves the grid and the slip is counted (keeping phase there would lose every other cycle).
-// A longer period keeps its *phase*: a missed slot is skipped and counted, and requests never bunch up.
+// every request of the bus, cyclic or not. A pattern that leaves nothing beyond its T1s, or less than the jitter
+// margin, runs *free* if nobody asks for a phase: a late start moves the grid and the slip is counted (keeping phase
+// there would lose every other cycle). Any other keeps its *phase*: a late start is caught up in the next free time
+// of the pattern, a missed slot is skipped and counted, and requests never bunch up.
 // Specification: section 4.
 #pragma once
 
 #include <cstdint>
 #include <expected>
 
+#include "tm485/bus/pattern.hpp"
 #include "tm485/bus/port.hpp"
+#include "tm485/bus/servo_lock.hpp"
 #include "tm485/bus/statistics.hpp"
 #include "tm485/errc.hpp"
 #include "tm485/protocol/profile.hpp"
 #include "tm485/time.hpp"
 
 namespace tm485 {
-
-/// What is read in every cycle.
-struct Cycle {
-  DataId id = DataId::everything;  ///< ID0, ID1, ID2 or ID3
-  Time period{0};                  ///< request start to request start; 0: the shortest possible
-};
-
-/// Why a cycle is impossible, and the nearest that is possible.
-struct CycleRefusal {
-  Errc code;        ///< bad_argument (ID, period or axis), period_below_t1, period_below_port, position_lost
-  Time nearest{0};  ///< the shortest period that would be accepted; 0 with bad_argument
-};
 
 /// The minimum distance between requests. One for each bus; every request goes through it.
 class RequestSpacing {
@@ -53,66 +44,116 @@ class RequestSpacing {
   Time earliest_{0};
 };
 
-/// The cyclic grid. One owner. Every function: constant time; a 64-bit division only after a stall.
+/// The cyclic grid. One owner. Every function: bounded by Pattern::kMaxSteps; a 64-bit division only after a stall,
+/// in begin() and, with a servo clock, in on_servo_tick().
 class Scheduler {
  public:
-  /// Checks a cycle against the profile and the port.
-  [[nodiscard]] static std::expected<Scheduler, CycleRefusal> make(const Cycle& cycle,
+  /// Checks a pattern and its phase against the profile and the port. `profile` must outlive the scheduler.
+  [[nodiscard]] static std::expected<Scheduler, CycleRefusal> make(const Pattern& pattern, const Phase& phase,
                                                                    const CompiledProfile& profile,
                                                                    const PortCapability& port) noexcept;
+  [[nodiscard]] static std::expected<Scheduler, CycleRefusal> make(const Pattern& pattern,
+                                                                   const CompiledProfile& profile,
+                                                                   const PortCapability& port) noexcept {
+    return make(pattern, Phase{}, profile, port);
+  }
 
-  /// The first slot.
-  void begin(Time first) noexcept { slot_ = first; }
+  /// The pattern begins, at `first` or at the next instant of its phase.
+  void begin(Time first) noexcept;
   /// The slot that is next.
   [[nodiscard]] Time slot() const noexcept { return slot_; }
+  /// What is read in it.
   [[nodiscard]] DataId id() const noexcept { return id_; }
-  [[nodiscard]] Time period() const noexcept { return period_; }
+  /// Which step of the pattern that is.
+  [[nodiscard]] std::size_t step() const noexcept { return step_; }
+  /// From it to the one after.
+  [[nodiscard]] Time period() const noexcept { return to_next_; }
+  /// Of the whole pattern.
+  [[nodiscard]] Time length() const noexcept { return length_; }
+  [[nodiscard]] const Pattern& pattern() const noexcept { return pattern_; }
   /// True if a late start moves the grid.
   [[nodiscard]] bool free_running() const noexcept { return free_; }
+  [[nodiscard]] Feasibility feasibility() const noexcept;
+  /// True if some step reads a position. If so, replies without one do not count as samples.
+  [[nodiscard]] bool reads_position() const noexcept { return reads_position_; }
+  /// The longest time from one position to the next, or, without positions, from one reply to the next.
+  [[nodiscard]] Time sample_gap() const noexcept { return sample_gap_; }
+  /// The longest time over which single-turn data alone must be unwrapped; 0: they never are.
+  [[nodiscard]] Time unwrap_gap() const noexcept { return unwrap_gap_; }
+  /// The lock to the servo clock, if there is one.
+  [[nodiscard]] const ServoLock* servo_lock() const noexcept { return locked_ ? &lock_ : nullptr; }
 
   /// The slot's request started at `start`, not before the slot. Moves on to the next slot.
   void on_start(Time start, Statistics& statistics) noexcept {
-    const Time late = start - slot_;
     if (free_) {
-      if (late > jitter_margin_) saturating_increment(statistics.slips);
-      slot_ = start + period_;
-      return;
+      if (start - slot_ > jitter_margin_) saturating_increment(statistics.slips);
+      slot_ = start;
+      return next();
     }
-    if (late >= period_) [[unlikely]]
-      catch_up(late, statistics);
-    slot_ += period_;
-    if (start + t1_ > slot_ + jitter_margin_) {  // T1 would push the next request out of its slot
-      saturating_increment(statistics.skipped);
-      slot_ += period_;
-    }
+    const Time free_at = start + t1_ - tolerance_;
+    next();
+    // T1 would push the next request out of its slot.
+    if (free_at > slot_) [[unlikely]]
+      saturating_increment(statistics.skipped, pass(free_at));
   }
 
   /// The slot passed at `now` without a request.
   void on_unused(Time now, Statistics& statistics) noexcept {
-    if (now - slot_ >= period_) catch_up(now - slot_, statistics);
-    slot_ += period_;
+    next();
+    if (slot_ <= now) saturating_increment(statistics.skipped, pass(now + Time{1}));
   }
 
+  /// The line is taken until `free_at` by something else. Answers how many slots fall to it.
+  [[nodiscard]] std::uint32_t give_way(Time free_at) noexcept;
+
   /// True if a gap of the pattern holds an exchange that takes `span`, also behind a start that is late by the jitter margin.
-  [[nodiscard]] bool has_gap_for(Time span) const noexcept { return t1_ + jitter_margin_ + span <= period_; }
+  [[nodiscard]] bool has_gap_for(Time span) const noexcept { return span <= gap_; }
+
+  /// A tick of the servo clock.
+  void on_servo_tick(Time tick, Statistics& statistics) noexcept;
 
  private:
-  Scheduler(DataId id, Time period, Time t1, Time jitter_margin) noexcept
-      : period_(period),
-        t1_(t1),
-        jitter_margin_(jitter_margin),
-        id_(id),
-        free_(period <= t1 || period < t1 + jitter_margin) {}
+  Scheduler(const Pattern& pattern, const Phase& phase, const CompiledProfile& profile,
+            const PortCapability& port) noexcept;
+  [[nodiscard]] static Time shortest_slot(const Pattern& pattern, const CompiledProfile& profile,
+                                          const PortCapability& port) noexcept;
+  [[nodiscard]] CycleRefusal check_servo(Time shortest) const noexcept;
+  void measure(const PortCapability& port) noexcept;
+  [[nodiscard]] Time step_length(std::size_t step) const noexcept {
+    return pattern_.slot() * pattern_.step(step).slots;
+  }
 
-  /// Cold: one or more whole slots have passed.
-  void catch_up(Time late, Statistics& statistics) noexcept;
+  void next() noexcept {
+    slot_ += to_next_;
+    if (!uniform_) next_step();
+  }
+  void next_step() noexcept;
+  void load_step() noexcept;
+  /// Cold: leaves out what lies before `until`; answers how many slots.
+  [[nodiscard]] std::uint32_t pass(Time until) noexcept;
 
   Time slot_{0};
-  Time period_;
-  Time t1_;
+  Time to_next_{0};  ///< of the step that is next
+  Time t1_{0};       ///< of the step that is next
   Time jitter_margin_;
-  DataId id_;
-  bool free_;
+  Time tolerance_{0};  ///< a request may be pushed out of its slot by so much without being left out
+  DataId id_ = DataId::everything;
+  std::uint8_t step_ = 0;
+  bool free_ = false;
+  bool uniform_;  ///< one step and no servo clock
+  bool locked_;
+  bool reads_position_ = false;
+
+  Pattern pattern_;
+  const CompiledProfile* profile_;
+  Time length_{0};
+  Time slack_ = kNever;
+  Time gap_{0};
+  Time sample_gap_{0};
+  Time unwrap_gap_{0};
+  Phase phase_;
+  Time latch_after_;  ///< start of the pattern's first request to its latch
+  ServoLock lock_;
 };
 
 }  // namespace tm485

@@ -22,6 +22,9 @@
 
 namespace tm485 {
 
+/// Where a bus stands.
+enum class BusState : std::uint8_t { stopped, startup, running };
+
 enum class StartupStage : std::uint8_t { quiet, answer, identify, cross_check, consistent, done };
 
 /// "quiet", "answer", ...; static storage.

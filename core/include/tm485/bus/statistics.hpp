@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "tm485/errc.hpp"
 #include "tm485/time.hpp"
@@ -22,8 +23,9 @@ constexpr void saturating_increment(std::uint32_t& counter, std::uint32_t by = 1
 struct Histogram {
   static constexpr std::size_t kBins = 16;
   Time origin{0};
-  std::uint8_t shift = 8;
+  std::uint32_t shift = 8;
   std::array<std::uint32_t, kBins> bins{};
+  std::uint32_t spare = 0;  ///< no padding: statistics cross threads as words
 
   constexpr void add(Time value) noexcept {
     const std::int64_t bin = (value - origin).count() >> shift;
@@ -41,7 +43,7 @@ struct Histogram {
 class TimeStatistic {
  public:
   constexpr TimeStatistic() noexcept = default;
-  constexpr TimeStatistic(Time origin, std::uint8_t shift) noexcept {
+  constexpr TimeStatistic(Time origin, std::uint32_t shift) noexcept {
     histogram_.origin = origin;
     histogram_.shift = shift;
   }
@@ -70,6 +72,7 @@ class TimeStatistic {
   Time maximum_ = -kNever;
   Time sum_{0};
   std::uint32_t count_ = 0;
+  std::uint32_t spare_ = 0;  ///< no padding
   Histogram histogram_;
 };
 
@@ -81,7 +84,11 @@ struct Statistics {
   std::uint32_t slips = 0;       ///< free grid: starts later than the jitter margin, which moved it
   std::uint32_t skipped = 0;     ///< phase-locked grid: slots that were missed and left out
   std::uint32_t background = 0;  ///< background exchanges, good or failed
-  std::uint32_t startups = 0;    ///< start-up sequences that succeeded
+  std::uint32_t stolen = 0;      ///< cyclic slots that went to a background exchange (BusConfig::steal_every)
+  std::uint32_t displaced = 0;   ///< cyclic slots that went to a reset request
+  std::uint32_t starved = 0;     ///< background requests that waited too long and ended with no_gap
+  std::uint32_t longest_wait = 0;  ///< of a background request, in cyclic slots
+  std::uint32_t startups = 0;      ///< start-up sequences that succeeded
   std::uint32_t startup_failures = 0;
   std::uint32_t lost = 0;             ///< times that the encoder was given up and start-up began again
   std::uint32_t restarts = 0;         ///< on_restart events
@@ -90,15 +97,21 @@ struct Statistics {
   std::uint32_t reserved_status = 0;  ///< good replies with an SF or ALMC bit that the profile calls reserved
   std::uint32_t warnings = 0;         ///< good replies with alarm level warning
   std::uint32_t faults = 0;           ///< good replies with alarm level fault
+  std::uint32_t servo_ticks = 0;      ///< ticks of the servo clock that came
+  std::uint32_t servo_locks = 0;      ///< times that the grid was moved to the servo clock's phase
   std::array<std::uint32_t, kErrcCount> errors{};  ///< every failure, in any phase, by cause
+  std::uint32_t spare = 0;                         ///< no padding
 
   TimeStatistic t1{Time{0}, 12};  ///< request start to request start of the cycle
   TimeStatistic reply_delay{Time{0},
                             8};  ///< T2 with wire timestamps, otherwise the reply delay seen by the host
+  TimeStatistic servo_phase{Time{-2048}, 8};  ///< servo tick less where the grid expected it, once locked
 
   constexpr void count_error(Errc code) noexcept {
     saturating_increment(errors[static_cast<std::size_t>(code)]);
   }
 };
+static_assert(std::has_unique_object_representations_v<Statistics> && sizeof(Statistics) % 4 == 0,
+              "statistics cross threads as words (SharedLatest)");
 
 }  // namespace tm485

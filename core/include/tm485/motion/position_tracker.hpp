@@ -45,6 +45,10 @@ class PositionTracker {
   /// A reply to begin with, as update(), but no sample comes of it.
   [[nodiscard]] Errc seed(const Reply& reply, Time latch, Time uncertainty) noexcept;
 
+  /// A reply without a position, between replies with one: turns, ENID and status are taken from it; the position, its
+  /// latch time and its age stay.
+  void note(const Reply& reply) noexcept;
+
   /// The last sample again, marked held; invalid if it is older than `max_hold` at `now`, or if there is none.
   [[nodiscard]] Sample hold(Time now, Time max_hold) noexcept;
 
@@ -66,6 +70,7 @@ class PositionTracker {
   [[nodiscard]] bool reachable(std::int64_t distance, Time elapsed) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
+  void take_fields(const Frame& frame) noexcept;
 
   const CompiledProfile* profile_;
   AxisConfig axis_;
@@ -154,6 +159,19 @@ inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
   sample.spare_ = 0;
 }
 
+/// Everything of a reply but its position.
+inline void PositionTracker::take_fields(const Frame& frame) noexcept {
+  const Layout& fields = frame.fields();
+  const unsigned multi_turn_bits = profile_->profile().multi_turn_bits;
+  if (fields.abm_at != 0 && multi_turn_bits != 0) turns_ = frame.turns(multi_turn_bits);
+  if (fields.enid_at != 0) enid_ = frame.enid();
+  if (fields.sf_at != 0) {
+    const StatusSet heard(frame.sf(), frame.almc());  // no ALMC in this reply: none of its bits
+    alarm_ = profile_->profile().alarms.level(heard);
+    status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : status_.almc());
+  }
+}
+
 inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertainty) noexcept {
   const Frame& frame = reply.frame();
   const Layout& fields = frame.fields();
@@ -171,14 +189,7 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
     has_raw_ = true;
     position_latch_ = latch;
   }
-  const unsigned multi_turn_bits = profile_->profile().multi_turn_bits;
-  if (fields.abm_at != 0 && multi_turn_bits != 0) turns_ = frame.turns(multi_turn_bits);
-  if (fields.enid_at != 0) enid_ = frame.enid();
-  if (fields.sf_at != 0) {
-    const StatusSet heard(frame.sf(), frame.almc());  // no ALMC in this reply: none of its bits
-    alarm_ = profile_->profile().alarms.level(heard);
-    status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : status_.almc());
-  }
+  take_fields(frame);
   id_ = fields.id;
   has_position_ = fields.abs_at != 0;
   has_reply_ = true;

@@ -1,0 +1,65 @@
+// ServoLock: keeps the pattern's start at a given phase of a servo clock, whatever the two clocks' drift.
+//
+// A second-order loop. The oscillator is the grid itself: the start of the pattern plus its length. Each tick tells
+// by how much the start is off; an eighth of it moves the start, a 256th the length. A tick that was stamped late
+// (an interrupt that waited) counts at most for a sixteenth of the period. Nothing here knows T1: the grid may ask
+// for what it likes, RequestSpacing keeps T1. Specification: section 4.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "tm485/bus/pattern.hpp"
+#include "tm485/time.hpp"
+
+namespace tm485 {
+
+/// One owner. Every function: constant time.
+class ServoLock {
+ public:
+  enum class State : std::uint8_t {
+    waiting,  ///< no tick yet, or none for kLostAfter periods: the grid runs by itself, at the last known rate
+    seeking,  ///< ticks come; the phase is not yet within a sixteenth of the period
+    locked,
+  };
+  static constexpr int kLostAfter = 64;
+
+  /// No servo clock.
+  ServoLock() = default;
+  /// `length` of the pattern; `latch_after` from the start of its first request to the latch.
+  ServoLock(const ServoClock& clock, Time length, Time latch_after) noexcept;
+
+  /// A tick at `tick`. Answers the tick less where the grid expected it, within half a period of zero; nothing if it
+  /// is the first one, which moves the grid the whole way.
+  std::optional<Time> on_tick(Time tick) noexcept;
+
+  /// The pattern starts at `start`: the grid begins here.
+  void begin(Time start) noexcept;
+  /// `patterns` later. Answers the start that is due then.
+  Time advance(std::int64_t patterns) noexcept;
+
+  [[nodiscard]] State state() const noexcept { return state_; }
+  /// By how much the servo clock is slower than ours, in parts per million, as far as the loop knows. Divides.
+  [[nodiscard]] std::int32_t drift_ppm() const noexcept;
+
+ private:
+  [[nodiscard]] Time error_of(Time tick) const noexcept;
+  void shift(std::int64_t by) noexcept;
+
+  static constexpr unsigned kFraction = 16;  ///< bits of a nanosecond
+
+  Time start_{0};                ///< of the pattern that is under way or next
+  std::int32_t fraction_ = 0;    ///< of start_, in 2^-16 ns
+  std::int32_t rate_ = 0;        ///< what a pattern is longer than nominal, in 2^-16 ns
+  std::int32_t rate_limit_ = 0;  ///< a thousandth of the pattern
+  std::int32_t rate_gain_ = 0;   ///< rate_ for one ns of error
+  Time length_{0};
+  Time unit_{0};    ///< the phase is known modulo this: the shorter of pattern and servo period
+  Time period_{0};  ///< of the servo clock, nominal
+  Time ahead_{0};   ///< a tick comes this long after the start of a pattern
+  Time last_tick_{0};
+  State state_ = State::waiting;
+  std::uint8_t votes_ = 0;  ///< ticks in a row that speak for another state
+};
+
+}  // namespace tm485

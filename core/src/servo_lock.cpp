@@ -1,0 +1,97 @@
+#include "tm485/bus/servo_lock.hpp"
+
+#include <algorithm>
+
+namespace tm485 {
+namespace {
+
+constexpr int kPhaseShift = 3;             // an eighth of the error moves the start
+constexpr std::int64_t kRateShift = 8;     // a 256th changes the length
+constexpr std::uint8_t kVotes = 8;         // ticks in a row that change the state
+constexpr std::int64_t kRateLimit = 1000;  // parts of the length: 1000 ppm, far beyond two crystals
+
+}  // namespace
+
+ServoLock::ServoLock(const ServoClock& clock, Time length, Time latch_after) noexcept
+    : length_(length),
+      unit_(std::min(length, clock.period)),
+      period_(clock.period),
+      ahead_(latch_after + clock.lead) {
+  constexpr std::int64_t kMost = INT32_MAX;
+  const std::int64_t scaled = (std::int64_t{1} << kFraction) * length.count();
+  rate_limit_ = static_cast<std::int32_t>(std::min(scaled / kRateLimit, kMost));
+  // One tick's worth of rate, seen from one pattern: length / period of it.
+  rate_gain_ =
+      static_cast<std::int32_t>(std::clamp<std::int64_t>((scaled / period_.count()) >> kRateShift, 1, kMost));
+}
+
+void ServoLock::begin(Time start) noexcept {
+  start_ = start;
+  fraction_ = 0;  // rate_ stays: the clocks are the same as before
+  state_ = State::waiting;
+  votes_ = 0;
+}
+
+Time ServoLock::advance(std::int64_t patterns) noexcept {
+  start_ += length_ * patterns;
+  shift(std::int64_t{rate_} * patterns);
+  return start_;
+}
+
+/// `by` in 2^-16 ns.
+void ServoLock::shift(std::int64_t by) noexcept {
+  const std::int64_t sum = by + fraction_;
+  start_ += Time{sum >> kFraction};
+  fraction_ = static_cast<std::int32_t>(sum & ((std::int64_t{1} << kFraction) - 1));
+}
+
+/// Tick less grid, within half a unit of zero.
+Time ServoLock::error_of(Time tick) const noexcept {
+  const std::int64_t unit = unit_.count();
+  std::int64_t error = (tick - ahead_ - start_).count();
+  if (error >= unit || error < -unit) error %= unit;
+  if (error >= unit / 2) error -= unit;
+  if (error < -unit / 2) error += unit;
+  return Time{error};
+}
+
+std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
+  if (state_ != State::waiting && tick - last_tick_ > period_ * kLostAfter) {
+    state_ = State::waiting;
+    votes_ = 0;
+  }
+  last_tick_ = tick;
+  const Time error = error_of(tick);
+  if (state_ == State::waiting) {
+    // The whole way at once, and forwards: whatever waits for this start must not come earlier than it was told.
+    start_ += error < Time{0} ? error + unit_ : error;
+    state_ = State::seeking;
+    votes_ = 0;
+    return std::nullopt;
+  }
+  const Time near = unit_ / 16;
+  const bool is_near = error <= near && error >= -near;
+  const bool agrees = state_ == State::locked ? is_near : !is_near;
+  votes_ = agrees ? std::uint8_t{0} : static_cast<std::uint8_t>(votes_ + 1);
+  if (votes_ >= kVotes) {
+    if (state_ == State::locked) {  // the servo clock has jumped
+      state_ = State::waiting;
+      votes_ = 0;
+      return error;
+    }
+    state_ = State::locked;
+    votes_ = 0;
+  }
+  const Time heard = std::clamp(error, -near, near);
+  shift((heard.count() << kFraction) >> kPhaseShift);
+  const std::int64_t rate = rate_ + heard.count() * rate_gain_;
+  rate_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(rate, -rate_limit_, rate_limit_));
+  return error;
+}
+
+std::int32_t ServoLock::drift_ppm() const noexcept {
+  if (length_ == Time{0}) return 0;
+  return static_cast<std::int32_t>((std::int64_t{rate_} * 1'000'000 / length_.count()) >> kFraction);
+}
+
+}  // namespace tm485

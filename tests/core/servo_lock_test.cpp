@@ -1,0 +1,206 @@
+// The lock to a servo clock: drift is followed, jitter is not, T1 is kept whatever the servo clock does.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "support/frames.hpp"
+#include "support/print.hpp"
+#include "support/profiles.hpp"
+#include "tm485/bus/scheduler.hpp"
+
+namespace tm485 {
+namespace {
+
+using test::ms;
+using test::ns;
+using test::us;
+
+const CompiledProfile& profile() {
+  static const CompiledProfile kProfile = test::compiled("tm485_17");
+  return kProfile;
+}
+
+/// A servo clock of its own, and a host that starts every request when it is due.
+struct World {
+  Scheduler scheduler;
+  Time servo_period;
+  double ppm = 0;                ///< the servo clock is slower by so much
+  std::int64_t tick_jitter = 0;  ///< a tick is stamped up to so many ns late
+  std::int64_t host_jitter = 0;
+  bool ticking = true;
+  test::Rng rng{80};
+  Statistics statistics{};
+  RequestSpacing spacing{};
+  long double tick_at = 123'456.0L;  ///< ns
+  Time last_latch{0};                ///< of the pattern's first step
+  Time previous_start = -kNever;
+  Time previous_t1{0};
+  std::uint64_t t1_violations = 0;
+  Time now{0};
+
+  Time jitter(std::int64_t most) {
+    return Time{most == 0
+                    ? 0
+                    : static_cast<std::int64_t>(test::random_below(rng, static_cast<std::size_t>(most + 1)))};
+  }
+  long double period() const { return static_cast<long double>(servo_period.count()) * (1.0L + ppm * 1e-6L); }
+
+  /// One event: a tick or a request, whichever comes first. Answers the true tick if it was one.
+  bool step(Time& true_tick) {
+    const Time due = std::max(scheduler.slot(), spacing.earliest());
+    const Time tick{static_cast<std::int64_t>(std::llround(tick_at))};
+    if (tick <= due) {
+      now = std::max(now, tick);
+      if (ticking) scheduler.on_servo_tick(tick + jitter(tick_jitter), statistics);
+      true_tick = tick;
+      tick_at += period();
+      return true;
+    }
+    const Time start = due + jitter(host_jitter);
+    now = std::max(now, start);
+    if (start - previous_start < previous_t1) ++t1_violations;
+    previous_start = start;
+    previous_t1 = profile().t1(scheduler.id());
+    if (scheduler.step() == 0) last_latch = start + us(4);
+    spacing.on_start(start, previous_t1);
+    scheduler.on_start(start, statistics);
+    return false;
+  }
+};
+
+World make(const Pattern& pattern, Time servo_period, Time lead, Time jitter_margin = Time{0}) {
+  PortCapability port;
+  port.jitter_margin = jitter_margin;
+  World world{*Scheduler::make(pattern, Phase::locked_to({servo_period, lead}), profile(), port),
+              servo_period};
+  world.scheduler.begin(us(7));
+  return world;
+}
+
+/// Runs until `ticks` have come and answers the largest distance of a latch from lead before its tick, over the last
+/// quarter of them.
+Time worst_error(World& world, Time lead, int ticks) {
+  Time worst{0};
+  Time tick;
+  for (int i = 0; i < ticks;) {
+    if (!world.step(tick)) continue;
+    ++i;
+    if (i < ticks * 3 / 4) continue;
+    Time error = (tick - lead - world.last_latch) % std::min(world.scheduler.length(), world.servo_period);
+    const Time unit = std::min(world.scheduler.length(), world.servo_period);
+    if (error > unit / 2) error -= unit;
+    if (error < -unit / 2) error += unit;
+    worst = std::max(worst, std::max(error, -error));
+  }
+  return worst;
+}
+
+TEST(ServoLock, ALatchComesTheLeadBeforeEveryTick) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(55));
+  EXPECT_LE(worst_error(world, us(55), 2'000), ns(1));
+  EXPECT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::locked);
+  EXPECT_EQ(world.statistics.servo_locks, 1U);
+  EXPECT_EQ(world.statistics.servo_ticks, 2'000U);
+  EXPECT_EQ(world.statistics.skipped, 0U);
+}
+
+TEST(ServoLock, DriftOfEitherSignIsFollowedAtEveryRatio) {
+  struct Case {
+    Pattern pattern;
+    Time servo;
+    Time lead;
+  };
+  const Case cases[] = {
+      {Cycle{DataId::everything, us(100)}, us(100), us(60)},
+      {Cycle{DataId::everything, us(100)}, ms(1), us(60)},
+      {Cycle{DataId::single_turn, us(50)}, ns(500'000), us(40)},
+      {Cycle{DataId::everything, us(200)}, us(100), us(60)},
+      {Pattern(us(45), {{DataId::single_turn, 6}, {DataId::everything, 1, 2}}), us(45), us(40)},
+      {Pattern(us(45), {{DataId::single_turn, 6}, {DataId::everything, 1, 2}}), us(360), us(40)},
+  };
+  for (const auto& [pattern, servo, lead] : cases) {
+    for (const double ppm : {-300.0, -20.0, 0.0, 20.0, 300.0}) {
+      World world = make(pattern, servo, lead);
+      world.ppm = ppm;
+      EXPECT_LE(worst_error(world, lead, 8'000), ns(400)) << servo.count() << " ns, " << ppm << " ppm";
+      EXPECT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::locked);
+      EXPECT_NEAR(world.scheduler.servo_lock()->drift_ppm(), ppm, 12);
+      EXPECT_EQ(world.t1_violations, 0U);
+      EXPECT_EQ(world.statistics.servo_locks, 1U);
+      EXPECT_LE(world.statistics.skipped, 1U) << "at most while the grid is moved";
+    }
+  }
+}
+
+TEST(ServoLock, LateStampedTicksMoveTheGridLittle) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+  world.tick_jitter = 2'000;  // uniform: one microsecond late in the mean
+  world.ppm = 50;
+  EXPECT_LE(worst_error(world, us(60) - us(1), 20'000), ns(900)) << "of two microseconds of jitter";
+  EXPECT_EQ(world.statistics.servo_locks, 1U);
+  EXPECT_EQ(world.statistics.skipped, 0U);
+}
+
+TEST(ServoLock, AClockThatJumpsIsFoundAgain) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+  EXPECT_LE(worst_error(world, us(60), 1'000), ns(1));
+  world.tick_at += 37'000.0L;
+  EXPECT_LE(worst_error(world, us(60), 1'000), ns(10));
+  EXPECT_EQ(world.statistics.servo_locks, 2U);
+  EXPECT_EQ(world.t1_violations, 0U);
+}
+
+TEST(ServoLock, OneStrayTickMovesNothingMuch) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+  (void)worst_error(world, us(60), 1'000);
+  world.scheduler.on_servo_tick(world.now + us(33), world.statistics);
+  Time tick;
+  Time worst{0};
+  for (int i = 0; i < 400; ++i)
+    if (world.step(tick)) worst = std::max(worst, std::chrono::abs(tick - us(60) - world.last_latch));
+  EXPECT_LE(worst, us(2)) << "an eighth of a sixteenth of the period, and what the rate adds";
+  EXPECT_EQ(world.statistics.servo_locks, 1U);
+}
+
+TEST(ServoLock, WithoutTicksTheGridGoesOnAtTheLastRate) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+  world.ppm = 200;
+  EXPECT_LE(worst_error(world, us(60), 8'000), ns(100));
+  world.ticking = false;
+  EXPECT_LE(worst_error(world, us(60), 1'000), us(2)) << "20 us without the rate";
+  world.ticking = true;
+  EXPECT_LE(worst_error(world, us(60), 1'000), ns(200));
+  EXPECT_EQ(world.statistics.servo_locks, 2U) << "64 periods without a tick: sought anew";
+}
+
+// The servo clock is faster than T1 allows: T1 wins, and slots fall out, one at a time.
+TEST(ServoLock, AServoClockFasterThanT1NeverUndercutsIt) {
+  World world = make(Cycle{DataId::everything, ns(62'500)}, ns(62'500), us(55), us(1));
+  world.ppm = -100;  // 6.25 ns a period: a microsecond, and with it a slot, in 160
+  Time tick;
+  for (int ticks = 0; ticks < 50'000;) ticks += world.step(tick) ? 1 : 0;
+  EXPECT_EQ(world.t1_violations, 0U);
+  EXPECT_NEAR(world.statistics.skipped, 312, 10);
+  world.host_jitter = 300;  // lateness that nothing can catch up adds up as well
+  for (int ticks = 0; ticks < 50'000;) ticks += world.step(tick) ? 1 : 0;
+  EXPECT_EQ(world.t1_violations, 0U);
+  EXPECT_GT(world.statistics.skipped, 1'000U);
+}
+
+TEST(ServoLock, ARandomServoClockNeverUndercutsT1) {
+  for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+    World world =
+        make(Pattern(us(40), {{DataId::single_turn, 6}, {DataId::everything, 1, 2}}), us(320), us(45), us(1));
+    world.rng = test::Rng(seed);
+    world.tick_jitter = 200'000;  // nonsense
+    world.host_jitter = 1'500;
+    world.ppm = 900;
+    Time tick;
+    for (int ticks = 0; ticks < 3'000;) ticks += world.step(tick) ? 1 : 0;
+    EXPECT_EQ(world.t1_violations, 0U) << "seed " << seed;
+  }
+}
+
+}  // namespace
+}  // namespace tm485
