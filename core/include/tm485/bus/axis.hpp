@@ -35,8 +35,7 @@ class Axis {
         validity_(setup.on_invalid),
         statistics_every_(setup.statistics_every),
         max_hold_(setup.bus.max_hold),
-        overdue_after_(profile.profile().t2_max - profile.profile().t2_min +
-                       port.capability().latency_allowance + port.capability().jitter_margin),
+        port_delay_(port.capability().latency_allowance + port.capability().jitter_margin),
         commands_(link_.commands),
         results_(link_.results),
         client_(link_) {
@@ -70,6 +69,7 @@ class Axis {
   void take_completions() noexcept;
   void answer(const AxisLink::Posted& posted, Errc error, const std::optional<Reply>& reply) noexcept;
   [[nodiscard]] Errc resume(Time now) noexcept;
+  void see_sample(Time now) noexcept;
   void on_sample(const Sample& sample, Time now) noexcept;
   void publish_changes(Time now) noexcept;
 
@@ -80,7 +80,8 @@ class Axis {
   Time statistics_every_;
   Time statistics_at_{0};
   Time max_hold_;
-  Time overdue_after_;  ///< what may pass beyond the pattern until the next sample is here
+  Time port_delay_;    ///< what the port may add to the pattern until a sample is here
+  Time fresh_for_{0};  ///< a sample of this age has an overdue successor
   Time fresh_until_{0};
   Time valid_until_{0};
   std::uint32_t ticks_ = 0;

@@ -30,6 +30,9 @@ struct LoopState {
 };
 
 /// One owner. Every function: constant time.
+///
+/// Validity can be lost before the loop reads for the first time, on a machine that stalls: a loop that starts looks at
+/// view().latched, and posts resume if it means to go on.
 class AxisClient {
  public:
   /// `link` must outlive the client and have no other.

@@ -26,7 +26,7 @@ namespace tm485 {
 struct Command {
   enum class Kind : std::uint8_t {
     exchange,        ///< `request`, in the background of the cycle
-    resume,          ///< leave the latched invalid state; bad_state while no fresh sample comes
+    resume,          ///< leave the latched invalid state; bad_state while no good sample comes
     set_referenced,  ///< the axis was homed
     unreference,     ///< the axis is no longer homed
     restart,         ///< the encoder was restarted: begin with start-up again

@@ -10,7 +10,11 @@ namespace tm485 {
 template <Port P>
 std::expected<void, CycleRefusal> Axis<P>::start(Time now) noexcept {
   const auto started = bus_.start(now);
-  if (started) publish_changes(now);
+  if (!started) return started;
+  if (bus_.scheduler()) {
+    fresh_for_ = bus_.scheduler()->sample_gap() + bus_.scheduler()->feasibility().ready + port_delay_;
+  }
+  publish_changes(now);
   return started;
 }
 
@@ -26,12 +30,13 @@ void Axis<P>::stop(Time now) noexcept {
 
 template <Port P>
 Time Axis<P>::poll(Time now) noexcept {
-  take_commands(now);
   if (const AxisLink::Tick& tick = link_.tick.get(); tick.count != ticks_) {
     ticks_ = tick.count;
     bus_.on_servo_tick(tick.at);
   }
   Time next = bus_.poll(now);
+  see_sample(now);
+  take_commands(now);  // behind the newest sample: resume looks at it
   if (offered_count_ != 0) take_completions();
   if (waiting_count_ != 0) {
     const std::uint32_t before = offered_count_;
@@ -84,7 +89,7 @@ void Axis<P>::execute(const AxisLink::Posted& posted, Time now) noexcept {
 
 template <Port P>
 Errc Axis<P>::resume(Time now) noexcept {
-  if (bus_.latest().quality() != Quality::fresh || now >= fresh_until_) return Errc::bad_state;
+  if (bus_.latest().quality() != Quality::fresh || now >= valid_until_) return Errc::bad_state;
   validity_.resume();
   validity_.on_good();
   ++resumed_;
@@ -136,13 +141,18 @@ void Axis<P>::answer(const AxisLink::Posted& posted, Errc error, const std::opti
 }
 
 template <Port P>
-void Axis<P>::publish_changes(Time now) noexcept {
+void Axis<P>::see_sample(Time now) noexcept {
   const Sample& sample = bus_.latest();
-  if (sample.sequence() != sequence_) {
-    sequence_ = sample.sequence();
-    on_sample(sample, now);
-    changed_ = true;
-  }
+  if (sample.sequence() == sequence_) return;
+  sequence_ = sample.sequence();
+  on_sample(sample, now);
+  changed_ = true;
+}
+
+template <Port P>
+void Axis<P>::publish_changes(Time now) noexcept {
+  see_sample(now);  // a command may have made one: restart
+  const Sample& sample = bus_.latest();
   if (!changed_ && bus_.state() == state_) return;
   changed_ = false;
   state_ = bus_.state();
@@ -166,9 +176,9 @@ void Axis<P>::on_sample(const Sample& sample, Time now) noexcept {
   switch (sample.quality()) {
     case Quality::fresh: {
       if (estimator_) estimator_->update(sample);
-      const Time gap = bus_.scheduler() ? bus_.scheduler()->sample_gap() : Time{0};
-      fresh_until_ = now + gap + overdue_after_;
-      valid_until_ = now + gap + max_hold_;
+      // By age, not by when it was seen: a bus that was late itself does not make an old sample new.
+      fresh_until_ = sample.latch_time() + fresh_for_;
+      valid_until_ = fresh_until_ + max_hold_;
       return validity_.on_good();
     }
     case Quality::held:

@@ -44,7 +44,8 @@ class Pattern {
   };
 
   /// One ID in every slot. Not explicit: a Cycle is the simplest pattern.
-  constexpr Pattern(const Cycle& cycle = {}) noexcept : slot_(cycle.period), count_(1) {
+  constexpr Pattern(const Cycle& cycle = {}) noexcept  // NOLINT(google-explicit-constructor)
+      : slot_(cycle.period), count_(1) {
     steps_[0] = {cycle.id, 1};
   }
   /// Runs one after the other, in slots of `slot` (0: the shortest possible). Without any step, or with more than
