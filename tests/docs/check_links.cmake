@@ -9,9 +9,10 @@ foreach(document IN LISTS documents)
   get_filename_component(folder ${document} DIRECTORY)
   file(READ ${document} text)
   string(REPLACE "](" "\nlink(" text "${text}")  # brackets would hold a list together
-  string(REGEX MATCHALL "\nlink\\([^]()#; \n[]+" links "${text}")
+  # Closed by a bracket or an anchor: code has "](" as well.
+  string(REGEX MATCHALL "\nlink\\([^]()#; \n[]+[)#]" links "${text}")
   foreach(link IN LISTS links)
-    string(REPLACE "\nlink(" "" target "${link}")
+    string(REGEX REPLACE "\nlink\\(|[)#]" "" target "${link}")
     if(target MATCHES "^[a-z]+:")
       continue()
     endif()

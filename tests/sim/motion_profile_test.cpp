@@ -63,5 +63,19 @@ TEST(MotionProfile, TrapezoidOfSpeedZeroRests) {
   EXPECT_DOUBLE_EQ(MotionProfile::trapezoid(0.0, 600.0, 0.0, 3.0).revolutions(seconds{4}), 3.0);
 }
 
+TEST(MotionProfile, SegmentIsAParabolaThroughItsStart) {
+  const auto motion = MotionProfile::segment(seconds{5}, 2.0, 3.0, -4.0);
+  EXPECT_DOUBLE_EQ(motion.revolutions(seconds{5}), 2.0);
+  EXPECT_DOUBLE_EQ(motion.revolutions(milliseconds{5500}), 2.0 + 1.5 - 0.5);
+  EXPECT_DOUBLE_EQ(motion.revolutions(milliseconds{4500}), 2.0 - 1.5 - 0.5) << "and before it";
+  EXPECT_EQ(motion.counts(milliseconds{5500}, 17), 3 * 131072);
+}
+
+TEST(MotionProfile, SegmentResolvesACountOfTwentyThreeBitsAfterAnHour) {
+  // One count in 1 us: the span counts, not the instant.
+  const auto motion = MotionProfile::segment(seconds{3600}, 1000.0, 1e6 / 8388608.0, 0.0);
+  EXPECT_EQ(motion.counts(seconds{3600} + Time{1500}, 23), std::int64_t{1000} * 8388608 + 1);
+}
+
 }  // namespace
 }  // namespace tm485::sim

@@ -70,6 +70,28 @@ struct SimCommandOptions {
 };
 int run_sim(const SimCommandOptions& options);
 
+/// All quantities as typed.
+struct ServoDemoOptions {
+  std::string port = "sim:";
+  bool virtual_time = false;
+  std::string seconds = "2";
+  std::string feedback = "both";
+  unsigned id = 0;
+  std::string amplitude = "90deg";
+  std::string frequency;                ///< of a swing; empty: 2 Hz, unless there is a speed
+  std::string speed;                    ///< of point-to-point moves; empty: a swing
+  std::string bandwidth = "1kHz";       ///< of the estimator
+  unsigned states = 3;                  ///< of the estimator
+  std::optional<int> priority;          ///< of the threads in real time; none: by the machine
+  std::string velocity_loop = "200Hz";  ///< its crossover
+  std::string load = "0";               ///< Nm
+  std::string hold = "2ms";             ///< how long the axis goes on without a fresh sample
+  std::string outage;                   ///< no reply for this long, in the middle of the run; empty: none
+  std::string drift = "0";              ///< of the servo clock against that of the bus, ppm
+  bool json = false;
+};
+int run_servo_demo(const ServoDemoOptions& options);
+
 struct RtCheckOptions {
   std::string period = "1ms";
   std::string seconds = "2";  ///< of each measure

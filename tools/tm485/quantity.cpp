@@ -34,6 +34,12 @@ constexpr std::array kSpeedUnits{
     Unit{"deg/s", 60.0 / 360},
     Unit{"rad/s", 60.0 / 6.283185307179586},
 };
+constexpr std::array kAngleUnits{
+    Unit{"rev", 1.0},         Unit{"turn", 1.0},         Unit{"turns", 1.0},
+    Unit{"deg", 1.0 / 360.0}, Unit{"\u00B0", 1.0 / 360}, Unit{"rad", 1.0 / 6.283185307179586},
+};
+constexpr std::array kTorqueUnits{Unit{"", 1.0}, Unit{"Nm", 1.0}, Unit{"N m", 1.0}, Unit{"mNm", 1e-3}};
+constexpr std::array kRatioUnits{Unit{"", 1.0}, Unit{"ppm", 1.0}, Unit{"%", 1e4}};
 
 struct NumberAndUnit {
   double number;
@@ -66,6 +72,19 @@ const Unit* find(const std::array<Unit, N>& units, std::string_view name) {
   return nullptr;
 }
 
+/// A number within ±10^6 of the base unit, which is the one of factor 1.
+template <std::size_t N>
+std::expected<double, std::string> parse_with(std::string_view text, const std::array<Unit, N>& units,
+                                              std::string_view hint, std::string_view limit) {
+  const auto parts = split(text);
+  if (!parts) return std::unexpected(parts.error());
+  const Unit* unit = find(units, parts->unit);
+  if (unit == nullptr) return std::unexpected(fmt::format("'{}' is no unit of {}", parts->unit, hint));
+  const double value = parts->number * unit->factor;
+  if (std::abs(value) > 1e6) return std::unexpected(fmt::format("it is above {}", limit));
+  return value;
+}
+
 std::expected<Time, std::string> to_time(double ns) {
   if (ns < 0.0) return std::unexpected("it is negative");
   if (ns > kLongest) return std::unexpected("it is longer than 1000000 s");
@@ -95,14 +114,32 @@ std::expected<Time, std::string> parse_period(std::string_view text) {
 }
 
 std::expected<double, std::string> parse_rpm(std::string_view text) {
+  return parse_with(text, kSpeedUnits, "speed: use rpm, rev/s or deg/s", "1000000 rpm");
+}
+
+std::expected<double, std::string> parse_angle(std::string_view text) {
+  const auto parts = split(text);
+  if (parts && parts->unit.empty()) return std::unexpected("the unit is missing: deg, rev or rad");
+  return parse_with(text, kAngleUnits, "angle: use deg, rev or rad", "1000000 revolutions");
+}
+
+std::expected<double, std::string> parse_torque(std::string_view text) {
+  return parse_with(text, kTorqueUnits, "torque: use Nm or mNm", "1000000 Nm");
+}
+
+std::expected<double, std::string> parse_ppm(std::string_view text) {
+  return parse_with(text, kRatioUnits, "ratio: use ppm or %", "1000000 ppm");
+}
+
+std::expected<double, std::string> parse_frequency(std::string_view text) {
   const auto parts = split(text);
   if (!parts) return std::unexpected(parts.error());
-  const Unit* unit = find(kSpeedUnits, parts->unit);
+  const Unit* unit = find(kRateUnits, parts->unit.empty() ? "Hz" : parts->unit);
   if (unit == nullptr)
-    return std::unexpected(fmt::format("'{}' is no unit of speed: use rpm, rev/s or deg/s", parts->unit));
-  const double rpm = parts->number * unit->factor;
-  if (std::abs(rpm) > 1e6) return std::unexpected("it is above 1000000 rpm");
-  return rpm;
+    return std::unexpected(fmt::format("'{}' is no unit of frequency: use Hz or kHz", parts->unit));
+  const double hertz = parts->number * unit->factor;
+  if (!(hertz > 0.0) || hertz > 1e9) return std::unexpected("it is not above 0, or above 1 GHz");
+  return hertz;
 }
 
 std::string format_time(Time time) {

@@ -22,6 +22,18 @@ enum class PlainNumber { refused, seconds, nanoseconds };
 /// A speed in rpm: plain or "rpm", "rev/s" (rps), "deg/s". Within ±10^6.
 [[nodiscard]] std::expected<double, std::string> parse_rpm(std::string_view text);
 
+/// An angle in revolutions: "90deg" (°), "0.25rev", "1.5rad". The unit is needed. Within ±10^6 revolutions.
+[[nodiscard]] std::expected<double, std::string> parse_angle(std::string_view text);
+
+/// A frequency in Hz: plain or "Hz", "kHz", "MHz". Above 0, up to 10^9.
+[[nodiscard]] std::expected<double, std::string> parse_frequency(std::string_view text);
+
+/// A torque in Nm: plain or "Nm", "mNm". Within ±10^6.
+[[nodiscard]] std::expected<double, std::string> parse_torque(std::string_view text);
+
+/// A ratio in millionths: plain or "ppm", or "%". Within ±10^6.
+[[nodiscard]] std::expected<double, std::string> parse_ppm(std::string_view text);
+
 /// "62.5us", "1ms", "2.5s": the shortest exact way to write it, readable by parse_time.
 [[nodiscard]] std::string format_time(Time time);
 

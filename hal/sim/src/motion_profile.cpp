@@ -38,7 +38,21 @@ MotionProfile MotionProfile::trapezoid(double max_rpm, double accel_rpm_per_s, d
   return motion;
 }
 
+MotionProfile MotionProfile::segment(Time from, double rev, double rev_per_s, double rev_per_s2) noexcept {
+  MotionProfile motion;
+  motion.kind_ = Kind::segment;
+  motion.start_ = rev;
+  motion.rate_ = rev_per_s2;
+  motion.speed_ = rev_per_s;
+  motion.from_ = from;
+  return motion;
+}
+
 double MotionProfile::curved(Time time) const noexcept {
+  if (kind_ == Kind::segment) {
+    const double span = static_cast<double>((time - from_).count()) / kNsPerSecond;
+    return start_ + (speed_ + 0.5 * rate_ * span) * span;
+  }
   const double seconds = static_cast<double>(time.count()) / kNsPerSecond;
   if (kind_ == Kind::sine) return start_ + speed_ * std::sin(rate_ * seconds);
 

@@ -28,6 +28,12 @@ class MotionProfile {
   [[nodiscard]] static MotionProfile trapezoid(double max_rpm, double accel_rpm_per_s, double cruise_s,
                                                double start_rev = 0.0) noexcept;
 
+  /// A piece of a movement that something else works out, for example a motor: at the instant `from` at the
+  /// angle `rev`, with this speed and a constant acceleration. It goes on like that before and after; steer
+  /// the shaft by setting the next piece (EncoderModel::set_motion) before it has drifted away.
+  [[nodiscard]] static MotionProfile segment(Time from, double rev, double rev_per_s,
+                                             double rev_per_s2) noexcept;
+
   /// Angle at `time`, in revolutions.
   [[nodiscard]] double revolutions(Time time) const noexcept {
     return kind_ == Kind::constant ? start_ + rate_ * static_cast<double>(time.count()) : curved(time);
@@ -42,16 +48,17 @@ class MotionProfile {
   }
 
  private:
-  enum class Kind : std::uint8_t { constant, sine, trapezoid };
+  enum class Kind : std::uint8_t { constant, sine, trapezoid, segment };
 
   [[nodiscard]] double curved(Time time) const noexcept;
 
   Kind kind_ = Kind::constant;
   double start_ = 0.0;   // revolutions
-  double rate_ = 0.0;    // revolutions per ns (constant); radians per s (sine)
-  double speed_ = 0.0;   // amplitude in revolutions (sine); top speed in revolutions per s (trapezoid)
+  double rate_ = 0.0;    // revolutions per ns (constant), per s² (segment); radians per s (sine)
+  double speed_ = 0.0;   // amplitude in revolutions (sine); revolutions per s (top speed; segment)
   double ramp_s_ = 0.0;  // seconds from rest to the top speed
   double cruise_s_ = 0.0;
+  Time from_{0};  // where a segment has its angle
 };
 
 }  // namespace tm485::sim
