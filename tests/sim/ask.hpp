@@ -28,6 +28,15 @@ inline Bytes ask(EncoderModel& encoder, Time start, const Bytes& request, Burst*
   return answer;
 }
 
+/// The EEPROM requests, with their CRC.
+inline Bytes write_request(int address, int value) {
+  return {0x32, static_cast<std::uint8_t>(address), static_cast<std::uint8_t>(value),
+          static_cast<std::uint8_t>(0x32 ^ address ^ value)};
+}
+inline Bytes read_request(int address) {
+  return {0xEA, static_cast<std::uint8_t>(address), static_cast<std::uint8_t>(0xEA ^ address)};
+}
+
 /// A shaft at rest at `counts` of a 17-bit encoder.
 inline MotionProfile at_rest(std::int64_t counts) {
   return MotionProfile::constant(0.0, static_cast<double>(counts) / 131072.0);

@@ -1,4 +1,4 @@
-// Reset runs and the EEPROM's pages.
+// Reset runs.
 #include <gtest/gtest.h>
 
 #include "ask.hpp"
@@ -96,31 +96,48 @@ TEST(Resets, IdcClearsErrorsAndSetsTheTurnCountBack) {
   EXPECT_EQ(encoder.last_latch().abs, 5u);
 }
 
-TEST(Eeprom, PagesAreSeparateAndTheRegisterReadsBack) {
-  EncoderModel encoder;
-  ask(encoder, ms(0), {0x32, 0x05, 0xA5, 0x92});
-  ask(encoder, ms(20), {0x32, 0x7F, 0x03, 0x4E});  // tm485-page-select
-  EXPECT_EQ(ask(encoder, ms(40), {0xEA, 0x05, 0xEF})[2], 0xFF);
-  EXPECT_EQ(ask(encoder, ms(41), {0xEA, 0x7F, 0x95})[2], 0x03);
-  ask(encoder, ms(60), {0x32, 0x7F, 0x00, 0x4D});
-  EXPECT_EQ(ask(encoder, ms(80), {0xEA, 0x05, 0xEF})[2], 0xA5);
+TEST(Resets, Id8WhileTheShaftMovesIsRefusedAndSetsTheCountingError) {
+  for (const double rpm : {0.2, -0.2}) {  // twice the tolerance
+    EncoderModel encoder{{}, MotionProfile::constant(rpm, 0.25)};
+    const Time after = run(encoder, ms(10), 0xC2, 10);
+    const Bytes reply = ask(encoder, after, {0x1A});
+    EXPECT_EQ(reply[1], 0x10);
+    EXPECT_EQ(reply[9], 0x04);
+    EXPECT_EQ(encoder.statistics().resets_done, 0u);
+    EXPECT_EQ(encoder.statistics().zero_refused, 1u);
+    ask(encoder, after + ms(200), {0x1A});
+    EXPECT_NEAR(encoder.last_latch().abs, 32768.0, 200.0);  // the zero stays where it was
+  }
 }
 
-TEST(Eeprom, APageThatDoesNotExistIsNotSelected) {
-  EncoderModel encoder;
-  ask(encoder, ms(0), {0x32, 0x7F, 0x07, 0x4A});  // tm485-page-select-bad
-  EXPECT_EQ(encoder.eeprom().read(127), 0);
+TEST(Resets, Id8TakesACreepingShaftForStandstill) {
+  EncoderModel encoder{{}, MotionProfile::constant(-0.05)};
+  run(encoder, ms(10), 0xC2, 10);
+  EXPECT_EQ(encoder.statistics().resets_done, 1u);
 }
 
-TEST(Eeprom, APowerCycleKeepsTheBytesAndSelectsPageZero) {
-  EncoderModel encoder;
-  ask(encoder, ms(0), {0x32, 0x7F, 0x03, 0x4E});
-  ask(encoder, ms(20), {0x32, 0x05, 0xA5, 0x92});
-  encoder.power_off(ms(40));
-  encoder.power_on(ms(41));
-  EXPECT_EQ(ask(encoder, ms(50), {0xEA, 0x7F, 0x95})[2], 0x00);
-  ask(encoder, ms(60), {0x32, 0x7F, 0x03, 0x4E});
-  EXPECT_EQ(ask(encoder, ms(80), {0xEA, 0x05, 0xEF})[2], 0xA5);
+TEST(Resets, TheStandstillOfId8CanBeSet) {
+  EncoderModel encoder{{.standstill_rpm = 10.0}, MotionProfile::constant(9.0)};
+  run(encoder, ms(10), 0xC2, 10);
+  EXPECT_EQ(encoder.statistics().resets_done, 1u);
+  encoder.set_motion(MotionProfile::constant(11.0));
+  run(encoder, ms(20), 0xC2, 10);
+  EXPECT_EQ(encoder.statistics().resets_done, 1u);
+}
+
+TEST(Resets, ThoseOfTheErrorsAndTheTurnsMayMove) {
+  EncoderModel encoder{{}, MotionProfile::constant(3000.0)};
+  run(encoder, run(encoder, ms(10), 0xBA, 10), 0x62, 10);
+  EXPECT_EQ(encoder.statistics().resets_done, 2u);
+}
+
+TEST(Resets, ASupplyThatFailsDuringTheSettleTimeLeavesTheZero) {
+  EncoderModel encoder{{}, at_rest(777)};
+  const Time after = run(encoder, Time{0}, 0xC2, 10);
+  encoder.power_off(after + ms(50));
+  encoder.power_on(after + ms(60));
+  ask(encoder, after + ms(200), {0x1A});
+  EXPECT_EQ(encoder.last_latch().abs, 777u);
 }
 
 }  // namespace

@@ -77,6 +77,38 @@ TEST(SimOptions, EveryKeyIsTaken) {
   EXPECT_DOUBLE_EQ(options.lost_replies, 0.3);
 }
 
+TEST(SimOptions, EveryKeyOfTheEepromIsTaken) {
+  const SimOptions options = good(
+      "standstill=2.5,eeprom_pages=6,eeprom_write=5ms..12ms,eeprom_page=20ms,eeprom_ack=busy,eeprom_deaf,"
+      "eeprom_volatile=off,eeprom_start=3,eeprom_fail=0.25,eeprom_seed=9,seed=7");
+  EXPECT_DOUBLE_EQ(options.encoder.standstill_rpm, 2.5);
+  const EepromConfig& eeprom = options.encoder.eeprom;
+  EXPECT_EQ(eeprom.pages, 6u);
+  EXPECT_EQ(eeprom.write_time_min, ms(5));
+  EXPECT_EQ(eeprom.write_time_max, ms(12));
+  EXPECT_EQ(eeprom.page_time, ms(20));
+  EXPECT_EQ(eeprom.write_reply_busy, true);
+  EXPECT_TRUE(eeprom.deaf_while_busy);
+  EXPECT_FALSE(eeprom.page_volatile);
+  EXPECT_EQ(eeprom.power_up_page, 3);
+  EXPECT_DOUBLE_EQ(eeprom.failed_writes, 0.25);
+  EXPECT_EQ(eeprom.seed, 9u);
+  EXPECT_EQ(options.encoder.seed, 7u);
+}
+
+TEST(SimOptions, TheEepromIsThatOfTheProfileUnlessSaidOtherwise) {
+  const EncoderModel tm485{good("").encoder};
+  EXPECT_EQ(tm485.config().eeprom.write_reply_busy, false);
+  EXPECT_FALSE(tm485.config().eeprom.page_time.has_value());
+  const EncoderModel tformat{good("profile=tformat_17").encoder};
+  EXPECT_EQ(tformat.config().eeprom.write_reply_busy, true);
+  EXPECT_EQ(tformat.config().eeprom.page_time, Time{0});
+  const EncoderModel told{good("profile=tformat_17,eeprom_ack=plain,eeprom_page=1ms").encoder};
+  EXPECT_EQ(told.config().eeprom.write_reply_busy, false);
+  EXPECT_EQ(told.config().eeprom.page_time, ms(1));
+  EXPECT_NE(good("seed=7").encoder.eeprom.seed, good("seed=8").encoder.eeprom.seed);
+}
+
 TEST(SimOptions, TheStatusFollowsFromTheAlarmCode) {
   EXPECT_EQ(good("almc=C1").encoder.sf, 0x20);
   EXPECT_EQ(good("almc=c1,sf=0").encoder.sf, 0x00);
@@ -103,13 +135,45 @@ TEST(SimOptions, AnUnknownProfileIsNamedAndTheKnownOnesListed) {
 }
 
 TEST(SimOptions, BadValuesNameTheirKey) {
-  for (const std::string_view text :
-       {"rpm=fast",      "rpm=nan",    "rpm=1e9",     "rpm=",     "accel=0",
-        "start=1x",      "turn=1.5",   "seed=-1",     "enid=100", "sf=G",
-        "almc=1FF",      "t2=3",       "t2=3us..2us", "t2=1s",    "latch_offset=-1us",
-        "boot=2h",       "echo=maybe", "jitter=x",    "margin=",  "release=9s",
-        "baud=0",        "ber=2",      "ber=0:0:0",   "lost=-1",  "motion=spin:1",
-        "motion=sine:1", "profile="}) {
+  for (const std::string_view text : {"rpm=fast",
+                                      "rpm=nan",
+                                      "rpm=1e9",
+                                      "rpm=",
+                                      "accel=0",
+                                      "start=1x",
+                                      "turn=1.5",
+                                      "seed=-1",
+                                      "enid=100",
+                                      "sf=G",
+                                      "almc=1FF",
+                                      "t2=3",
+                                      "t2=3us..2us",
+                                      "t2=1s",
+                                      "latch_offset=-1us",
+                                      "boot=2h",
+                                      "echo=maybe",
+                                      "jitter=x",
+                                      "margin=",
+                                      "release=9s",
+                                      "baud=0",
+                                      "ber=2",
+                                      "ber=0:0:0",
+                                      "lost=-1",
+                                      "motion=spin:1",
+                                      "motion=sine:1",
+                                      "profile=",
+                                      "standstill=-1",
+                                      "eeprom_pages=0",
+                                      "eeprom_pages=8",
+                                      "eeprom_write=10",
+                                      "eeprom_write=9ms..8ms",
+                                      "eeprom_page=4s",
+                                      "eeprom_ack=maybe",
+                                      "eeprom_deaf=1",
+                                      "eeprom_volatile=no",
+                                      "eeprom_start=256",
+                                      "eeprom_fail=2",
+                                      "eeprom_seed=x"}) {
     const std::string error = error_of(text);
     EXPECT_NE(error.find(text.substr(0, text.find('='))), std::string::npos) << error;
   }

@@ -31,6 +31,13 @@ std::expected<sim::SimOptions, Problem> encoder_options(const SimCommandOptions&
   if (options.seed) text += fmt::format(",seed={}", *options.seed);
   if (!options.almc.empty()) text += fmt::format(",almc={}", options.almc);
   if (options.echo) text += ",echo=on";
+  if (!options.boot.empty()) text += fmt::format(",boot={}", options.boot);
+  if (!options.eeprom_pages.empty()) text += fmt::format(",eeprom_pages={}", options.eeprom_pages);
+  if (!options.eeprom_write.empty()) text += fmt::format(",eeprom_write={}", options.eeprom_write);
+  if (!options.eeprom_page.empty()) text += fmt::format(",eeprom_page={}", options.eeprom_page);
+  if (!options.eeprom_fail.empty()) text += fmt::format(",eeprom_fail={}", options.eeprom_fail);
+  if (options.eeprom_seed) text += fmt::format(",eeprom_seed={}", *options.eeprom_seed);
+  if (options.eeprom_deaf) text += ",eeprom_deaf=on";
   const auto parsed = sim::parse_sim_options(text);
   if (!parsed)
     return std::unexpected(
@@ -46,6 +53,10 @@ int run_sim(const SimCommandOptions& options) {
   auto server = options.unix_path.empty() ? sim::Server::open_pty(*encoder, options.link)
                                           : sim::Server::open_unix(*encoder, options.unix_path);
   if (!server) return report(server_problem(server.error()));
+  if (!options.eeprom.empty()) {
+    if (const auto kept = server->keep_eeprom(options.eeprom); !kept)
+      return report(server_problem(kept.error()));
+  }
   {
     Output output;
     output.write(fmt::format("{}{}\n", options.unix_path.empty() ? "" : "unix:", server->path()));

@@ -67,6 +67,15 @@ struct SimCommandOptions {
   std::optional<std::uint64_t> seed;
   std::string almc;
   bool echo = false;
+  std::string boot;    ///< how long it is silent after its start; empty: not at all
+  std::string eeprom;  ///< file that keeps the EEPROM; empty: none
+  // Of the EEPROM, in the words of sim::parse_sim_options; empty: its defaults.
+  std::string eeprom_pages;
+  std::string eeprom_write;
+  std::string eeprom_page;
+  std::string eeprom_fail;
+  std::optional<std::uint64_t> eeprom_seed;
+  bool eeprom_deaf = false;
 };
 int run_sim(const SimCommandOptions& options);
 
@@ -99,6 +108,38 @@ struct RtCheckOptions {
   bool strict = false;  ///< exit code 1 if a setting is bad
 };
 int run_rt_check(const RtCheckOptions& options);
+
+/// What the EEPROM commands can be told; each uses its own part.
+struct EepromOptions {
+  PortOptions port;
+  bool virtual_time = false;
+  std::string file;
+  std::string format;  ///< bin or json; empty: by the file's name
+  unsigned page = 0;
+  unsigned address = 0;
+  unsigned count = 1;
+  std::string hex;      ///< bytes to write
+  std::string journal;  ///< of a restore; empty: FILE.journal
+  std::string backup;   ///< of a restore; empty: beside FILE, with the date in its name
+  bool resume = false;
+  bool undo = false;
+  bool yes = false;
+};
+int run_eeprom_read(const EepromOptions& options);
+int run_eeprom_write(const EepromOptions& options);
+int run_eeprom_dump(const EepromOptions& options);
+int run_eeprom_verify(const EepromOptions& options);
+int run_eeprom_diff(const EepromOptions& options);
+int run_eeprom_restore(const EepromOptions& options);
+
+struct ResetOptions {
+  PortOptions port;
+  bool virtual_time = false;
+  std::string what;  ///< errors, multiturn, zero
+  bool yes = false;
+  bool yes_realign = false;  ///< zero: the motor's electrical alignment may move
+};
+int run_reset(const ResetOptions& options);
 
 /// The presets.
 int run_profiles(bool json);

@@ -149,11 +149,31 @@ void add_sim(CLI::App& root, Commands& commands) {
   app.add_option("--seed", options.seed, "Seed of everything random")->check(CLI::NonNegativeNumber);
   app.add_option("--almc", options.almc, "Alarm byte in hexadecimal; SF follows from it");
   app.add_flag("--echo", options.echo, "Send the requests back, as an adapter that hears itself");
+  app.add_option("--boot", options.boot, "Silent for this long after the start: 300ms");
+  app.add_option(
+      "--eeprom", options.eeprom,
+      "FILE that keeps the EEPROM, also when the simulator is killed; a new one is filled with FF");
+  app.add_option("--eeprom-pages", options.eeprom_pages, "Pages of 127 bytes, 1 to 7 (7)");
+  app.add_option("--eeprom-write", options.eeprom_write,
+                 "Busy after a write: 10ms, or a range 5ms..12ms (10ms)");
+  app.add_option("--eeprom-page", options.eeprom_page,
+                 "Busy after a page select (18ms; of the T-format profiles 0ms)");
+  app.add_option("--eeprom-fail", options.eeprom_fail,
+                 "Probability 0..1 of a write that leaves the old value");
+  app.add_option("--eeprom-seed", options.eeprom_seed,
+                 "Seed of busy times and failed writes; otherwise from --seed")
+      ->check(CLI::NonNegativeNumber);
+  app.add_flag("--eeprom-deaf", options.eeprom_deaf,
+               "No reply to position requests while the EEPROM is busy");
   app.footer(
       "Prints the path to connect to, then serves until Ctrl-C.\n"
+      "The file of --eeprom is saved after each completed write; requests wait for the disk meanwhile. "
+      "Killed in the\n"
+      "middle of a write, it keeps the old byte.\n"
       "Examples:\n"
       "  tm485 sim --pty --link /tmp/encoder --rpm 3000      then: tm485 read /tmp/encoder\n"
-      "  tm485 sim --unix /tmp/encoder.socket --almc 40      then: tm485 monitor unix:/tmp/encoder.socket");
+      "  tm485 sim --unix /tmp/encoder.socket --almc 40      then: tm485 monitor unix:/tmp/encoder.socket\n"
+      "  tm485 sim --pty --link /tmp/encoder --eeprom /tmp/encoder.bin --eeprom-write 5ms..12ms");
 }
 
 void add_rt_check(CLI::App& root, Commands& commands) {

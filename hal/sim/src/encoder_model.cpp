@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
+#include <cmath>
 #include <cstring>
 
 namespace tm485::sim {
@@ -15,6 +16,18 @@ constexpr Time kDriverTail{200};
 constexpr std::uint8_t kParityFlag = 0x40;
 constexpr std::uint8_t kDelimiterFlag = 0x80;
 constexpr std::uint8_t kResetsNeeded = 10;
+
+constexpr std::uint8_t kBusyFlag = 0x80;  // of ADF
+constexpr std::uint8_t kEepromWrite = 0x6;
+constexpr std::uint8_t kEepromRead = 0xD;
+
+/// The counting error in SF and ALMC.
+constexpr std::uint8_t kCountingErrorSf = 0x10;
+constexpr std::uint8_t kCountingErrorAlmc = 0x04;
+
+/// Over this span the speed is taken that decides whether ID8 finds the shaft at rest.
+constexpr Time kSpeedWindow = std::chrono::milliseconds{1};
+constexpr double kWindowsPerMinute = 60'000.0;
 
 /// The requests, written down by hand from section 2 of the specification.
 struct RequestKind {
@@ -75,14 +88,23 @@ constexpr std::uint8_t sum_of_bytes(std::uint64_t word) noexcept {
   return static_cast<std::uint8_t>(word & 0xFF);
 }
 
+/// What the flavours do differently with their EEPROM, where the configuration does not say.
+EncoderConfig completed(EncoderConfig config) noexcept {
+  const bool t_format = config.flavour == Flavour::t_format;
+  if (!config.eeprom.page_time && t_format) config.eeprom.page_time = Time{0};
+  if (!config.eeprom.write_reply_busy) config.eeprom.write_reply_busy = t_format;
+  return config;
+}
+
 }  // namespace
 
 EncoderModel::EncoderModel(const EncoderConfig& config, const MotionProfile& motion) noexcept
-    : config_{config},
+    : config_{completed(config)},
       motion_{motion},
       t2_choices_{(config.t2_max - config.t2_min).count() + 1},
       abs_mask_{(std::uint32_t{1} << config.single_turn_bits) - 1},
-      random_{config.seed} {
+      random_{config.seed},
+      eeprom_{config_.eeprom} {
   assert(config.single_turn_bits >= 1 && config.single_turn_bits <= 24);
   assert(config.t2_min <= config.t2_max);
   set_alarms(config.sf, config.almc);
@@ -119,9 +141,12 @@ inline bool EncoderModel::begin_request(std::uint8_t byte, Time start, Time end,
     t1_.disarm();
   }
   if (start < deaf_until_) [[unlikely]] {
-    ++statistics_.deaf_requests;
-    phase_ = Phase::ignoring;
-    return false;
+    const bool only_eeprom = only_eeprom_is_deaf(start);
+    if (!only_eeprom || !known || kRequests[kind_].request_bytes == 1) {
+      ++(only_eeprom ? statistics_.busy_silences : statistics_.deaf_requests);
+      phase_ = Phase::ignoring;
+      return false;
+    }
   }
   if (!known) [[unlikely]] {
     if (!framing_ok) {
@@ -152,7 +177,7 @@ bool EncoderModel::collect(std::uint8_t byte, Time end, bool framing_ok, Burst& 
 
   std::uint8_t sum = 0;
   for (std::uint8_t k = 0; k < expected; ++k) sum = static_cast<std::uint8_t>(sum ^ request_[k]);
-  const bool address_ok = (request_[1] & 0x80) == 0;  // bit 7 is the busy flag of replies
+  const bool address_ok = (request_[1] & kBusyFlag) == 0;
   if (sum != 0 || !address_ok) {
     refuse_request(statistics_.bad_requests, 0);
     return false;
@@ -195,20 +220,49 @@ inline bool EncoderModel::answer(Time end, Burst& reply) noexcept {
     case 0x2:  // CF SF ENID
       front |= word_of(config_.enid, 2);
       break;
-    case 0x6:  // CF ADF EDF, the echo of the request
-      eeprom_.write(request_[1], request_[2], request_start_);
-      front = kind.cf | word_of(request_[1], 1) | word_of(request_[2], 2);
-      break;
-    case 0xD:  // CF ADF EDF
-      front = kind.cf | word_of(request_[1], 1) | word_of(eeprom_.read(request_[1]), 2);
-      break;
+    case kEepromWrite:
+    case kEepromRead:
+      return answer_eeprom(end, reply);
     default:  // the resets: CF SF ABS0 ABS1 ABS2
       front |= word_of(latch_.abs, 2);
       note_reset(kind.id);
       break;
   }
   if (!kind.is_reset) reset_count_ = 0;
+  return send(front, back, end, reply);
+}
 
+/// CF ADF EDF, of a write the echo. While the EEPROM is busy ADF.7 is set, EDF is 0, and a write is not stored.
+bool EncoderModel::answer_eeprom(Time end, Burst& reply) noexcept {
+  reset_count_ = 0;
+  const RequestKind& kind = kRequests[kind_];
+  const bool writes = kind.id == kEepromWrite;
+  std::uint8_t edf = writes ? request_[2] : eeprom_.read(request_[1]);
+  bool busy_flag = false;
+  if (writes ? !eeprom_.write(request_[1], edf, request_start_) : eeprom_.busy(request_start_)) {
+    ++(writes ? statistics_.busy_writes : statistics_.busy_reads);
+    busy_flag = true;
+    edf = 0;
+  } else if (writes && *config_.eeprom.write_reply_busy) {
+    busy_flag = eeprom_.busy(request_start_);
+  }
+  const std::uint64_t adf = request_[1] | (busy_flag ? kBusyFlag : 0u);
+  const bool answered = send(kind.cf | word_of(adf, 1) | word_of(edf, 2), 0, end, reply);
+  if (config_.eeprom.deaf_while_busy) {
+    speaking_until_ = deaf_until_;
+    deaf_until_ = std::max(deaf_until_, eeprom_.busy_until());
+  }
+  return answered;
+}
+
+/// Deaf for the EEPROM's sake alone: for everything but its own requests. A later reply would have moved deaf_until_.
+bool EncoderModel::only_eeprom_is_deaf(Time start) const noexcept {
+  return config_.eeprom.deaf_while_busy && deaf_until_ == eeprom_.busy_until() && start >= speaking_until_;
+}
+
+/// Puts CRC and timing to the reply in `front` and `back`. False if the supply fails before its first character ends.
+inline bool EncoderModel::send(std::uint64_t front, std::uint64_t back, Time end, Burst& reply) noexcept {
+  const RequestKind& kind = kRequests[kind_];
   const unsigned crc_at = kind.reply_bytes - 1u;
   const std::uint64_t crc = sum_of_bytes(front ^ back);
   (crc_at < 8 ? front : back) |= word_of(crc, crc_at % 8);
@@ -240,6 +294,12 @@ inline void EncoderModel::take_position(Time end) noexcept {
   latch_.counts = ((latch_.turns - config_.start_turn) << config_.single_turn_bits) + latch_.abs;
 }
 
+bool EncoderModel::shaft_moves(Time at) const noexcept {
+  const MotionProfile& shaft = stale_ ? unseen_motion_ : motion_;
+  const double moved = shaft.revolutions(at) - shaft.revolutions(at - kSpeedWindow);
+  return std::abs(moved) * kWindowsPerMinute > config_.standstill_rpm;
+}
+
 void EncoderModel::note_reset(std::uint8_t id) noexcept {
   const bool goes_on =
       reset_count_ != 0 && reset_id_ == id && request_start_ - reset_start_ >= config_.reset_spacing;
@@ -249,6 +309,11 @@ void EncoderModel::note_reset(std::uint8_t id) noexcept {
   if (reset_count_ < kResetsNeeded) return;
 
   reset_count_ = 0;
+  if (id == 0x8 && shaft_moves(latch_.time)) {
+    ++statistics_.zero_refused;
+    latch_alarms(kCountingErrorSf, kCountingErrorAlmc);
+    return;
+  }
   ++statistics_.resets_done;
   if (id == 0x8) {
     zero_counts_ = latch_.abs;
@@ -256,10 +321,31 @@ void EncoderModel::note_reset(std::uint8_t id) noexcept {
     schedule_changes();
     return;
   }
+  clear_alarms();
+  if (id == 0xC) turn_base_ += config_.start_turn - latch_.turns;
+}
+
+/// The latched alarms go, except the one of a sensor that is still stale.
+void EncoderModel::clear_alarms() noexcept {
   latched_sf_ = 0;
   latched_almc_ = 0;
-  set_alarms(config_.sf, config_.almc);
-  if (id == 0xC) turn_base_ += config_.start_turn - latch_.turns;
+  if (stale_) {
+    latch_alarms(kCountingErrorSf, kCountingErrorAlmc);
+  } else {
+    set_alarms(config_.sf, config_.almc);
+  }
+}
+
+void EncoderModel::sample_stale(Time since) noexcept {
+  if (!stale_) unseen_motion_ = motion_;
+  stale_ = true;
+  motion_ = MotionProfile::constant(0.0, unseen_motion_.revolutions(since));
+  latch_alarms(kCountingErrorSf, kCountingErrorAlmc);
+}
+
+void EncoderModel::sample_fresh() noexcept {
+  if (stale_) motion_ = unseen_motion_;
+  stale_ = false;
 }
 
 void EncoderModel::set_alarms(std::uint8_t sf, std::uint8_t almc) noexcept {
@@ -273,72 +359,6 @@ void EncoderModel::latch_alarms(std::uint8_t sf, std::uint8_t almc) noexcept {
   latched_sf_ = static_cast<std::uint8_t>(latched_sf_ | sf);
   latched_almc_ = static_cast<std::uint8_t>(latched_almc_ | almc);
   set_alarms(config_.sf, config_.almc);
-}
-
-bool EncoderModel::add_power_change(Time instant, bool on) noexcept {
-  if (power_change_count_ == kPowerChanges) return false;
-  power_changes_[power_change_count_++] = {.at = instant, .on = on};
-  schedule_changes();
-  return true;
-}
-
-void EncoderModel::schedule_changes() noexcept {
-  next_change_ = std::min(zero_at_, power_ == Power::booting ? boot_done_ : kNever);
-  if (power_change_count_ != 0) next_change_ = std::min(next_change_, power_changes_[0].at);
-}
-
-/// What happened by itself up to `now`, in the order of time.
-void EncoderModel::apply_changes(Time now) noexcept {
-  while (next_change_ <= now) {
-    if (power_change_count_ != 0 && power_changes_[0].at == next_change_) {
-      const PowerChange change = power_changes_[0];
-      std::shift_left(power_changes_.begin(), power_changes_.end(), 1);
-      --power_change_count_;
-      if (!change.on) {
-        power_ = Power::off;
-        zero_at_ = kNever;
-      } else if (power_ == Power::off) {
-        power_up(change.at);
-      }
-    } else if (zero_at_ == next_change_) {
-      zero_offset_ += zero_counts_;
-      zero_at_ = kNever;
-    } else {
-      power_ = Power::on;
-    }
-    schedule_changes();
-  }
-}
-
-void EncoderModel::power_up(Time at) noexcept {
-  boot_done_ = at + config_.boot_time;
-  power_ = config_.boot_time > Time{0} ? Power::booting : Power::on;
-  ++statistics_.power_ups;
-  if (!config_.battery) {
-    const std::int64_t shaft = motion_.counts(at, config_.single_turn_bits) - zero_offset_;
-    turn_base_ = config_.start_turn - (shaft >> config_.single_turn_bits);
-  }
-  phase_ = Phase::ignoring;
-  last_end_ = -kNever;
-  deaf_until_ = -kNever;
-  reset_count_ = 0;
-  request_flags_ = 0;
-  latched_sf_ = 0;
-  latched_almc_ = 0;
-  set_alarms(config_.sf, config_.almc);
-  eeprom_.on_power_up();
-  t1_.disarm();
-}
-
-/// Drops the characters of `reply` that the supply does not live to finish.
-void EncoderModel::cut_by_power_off(Burst& reply) noexcept {
-  for (std::size_t k = 0; k < power_change_count_; ++k) {
-    const PowerChange& change = power_changes_[k];
-    if (change.on || change.at >= reply.driver_off) continue;
-    reply.driver_off = change.at;
-    while (reply.count != 0 && reply.start + character_time_ * reply.count > change.at) --reply.count;
-    return;
-  }
 }
 
 }  // namespace tm485::sim

@@ -13,24 +13,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <string_view>
-#include <system_error>
-#include <utility>
+
+#include "server_error.hpp"
 
 namespace tm485::sim {
 namespace {
 
 constexpr std::string_view kTerminalDirectory = "/dev/pts/";
 constexpr std::size_t kLongestName = 4096;
-
-std::unexpected<ServerError> failed(std::string what, std::string remedy) {
-  const int code = errno;
-  return std::unexpected{
-      ServerError{std::move(what), std::system_category().message(code), std::move(remedy), code}};
-}
-
-std::unexpected<ServerError> refused(std::string what, std::string reason, std::string remedy) {
-  return std::unexpected{ServerError{std::move(what), std::move(reason), std::move(remedy), 0}};
-}
 
 /// Where a symbolic link points; empty if it is none.
 std::string target_of(const std::string& link) {

@@ -73,6 +73,8 @@ bool Line::transmit_long(Talker talker, Time start, std::span<const std::uint8_t
 /// any more: done, and their driver off for so long that no character still open can overlap it.
 inline Line::Entry* Line::make_room() noexcept {
   while (tail_ != done_ && at(tail_).burst.driver_off + character_time_ <= processed_) ++tail_;
+  if (tail_ == head_)
+    tail_ = done_ = first_open_ = head_ = 0;  // the same entries again: they stay in the cache
   if (head_ - tail_ == kBursts) [[unlikely]] {
     if (!drop_oldest()) return nullptr;
   }

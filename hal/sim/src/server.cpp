@@ -8,6 +8,7 @@
 #include <thread>
 #include <utility>
 
+#include "eeprom_file.hpp"
 #include "endpoint.hpp"
 #include "tm485/sim/burst.hpp"
 #include "tm485/sim/line.hpp"
@@ -41,6 +42,7 @@ std::int64_t monotonic_ns() {
 
 Server::Server(const SimOptions& options, std::unique_ptr<Endpoint> endpoint)
     : endpoint_{std::move(endpoint)},
+      eeprom_file_{nullptr},
       model_{without_host_timing(options.encoder), options.motion},
       character_time_{Line{nullptr, options.line}.character_time()},
       echo_{options.line.echo},
@@ -69,15 +71,47 @@ const std::string& Server::path() const noexcept { return endpoint_->path(); }
 
 Time Server::now() const { return Time{monotonic_ns() - epoch_ns_}; }
 
+std::expected<void, ServerError> Server::keep_eeprom(const std::string& path) {
+  auto file = std::make_unique<EepromFile>(path);
+  const std::span<const std::uint8_t> erased = model_.eeprom().image();
+  const auto loaded = file->load(erased.size());
+  if (!loaded) return std::unexpected{loaded.error()};
+  // Also what was just loaded: a folder that cannot be written is found now and not after the first write.
+  const std::span<const std::uint8_t> bytes = *loaded ? std::span<const std::uint8_t>{**loaded} : erased;
+  if (auto saved = file->save(bytes); !saved) return saved;
+  if (*loaded) static_cast<void>(model_.eeprom().set_image(bytes));
+  saved_generation_ = model_.eeprom().generation(now());
+  eeprom_file_ = std::move(file);
+  return {};
+}
+
+std::expected<void, ServerError> Server::save_eeprom(Time now) {
+  if (!eeprom_file_) return {};
+  const EepromModel& eeprom = model_.eeprom();
+  const std::uint64_t generation = eeprom.generation(now);
+  if (generation == saved_generation_) return {};
+  saved_generation_ = generation;
+  const EepromModel::Image image = eeprom.settled_image(now);
+  return eeprom_file_->save(std::span{image}.first(eeprom.image().size()));
+}
+
+/// Until something has to be done that no client asks for.
+int Server::poll_ms() const {
+  const Time left = model_.eeprom().busy_until() - now();
+  if (!eeprom_file_ || left <= Time{0} || left >= kLongestSleep) return kStopPollMs;
+  return static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(left).count());
+}
+
 std::expected<void, ServerError> Server::serve(const std::atomic<bool>& stop) {
   std::array<std::uint8_t, 64> buffer{};
   while (!stop.load(std::memory_order_relaxed)) {
-    const auto count = endpoint_->wait(buffer, kStopPollMs);
+    const auto count = endpoint_->wait(buffer, poll_ms());
     if (!count) return std::unexpected{count.error()};
     statistics_.clients = endpoint_->clients();
     if (*count != 0) handle(buffer.data(), *count, stop);
+    if (auto saved = save_eeprom(now()); !saved) return saved;
   }
-  return {};
+  return save_eeprom(kNever);  // an orderly end lets the write under way end
 }
 
 bool Server::continues_request(Time now) const noexcept {

@@ -1,11 +1,10 @@
 #include "tm485/sim/sim_options.hpp"
 
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <optional>
 #include <type_traits>
-#include <vector>
+
+#include "option_text.hpp"
 
 namespace tm485::sim {
 namespace {
@@ -43,56 +42,6 @@ constexpr Time kMaxGap = std::chrono::milliseconds{1};
 constexpr Time kMaxDelay = std::chrono::seconds{3};
 constexpr Time kMaxBoot = std::chrono::hours{1};
 
-std::unexpected<std::string> bad(std::string_view key, std::string_view value, std::string_view expected) {
-  return std::unexpected{std::string{key} + "=" + std::string{value} + ": expected " + std::string{expected}};
-}
-
-std::vector<std::string_view> split(std::string_view text, char separator) {
-  std::vector<std::string_view> parts;
-  for (;;) {
-    const std::size_t at = text.find(separator);
-    parts.push_back(text.substr(0, at));
-    if (at == std::string_view::npos) return parts;
-    text.remove_prefix(at + 1);
-  }
-}
-
-/// A finite number in low..high, nothing after it.
-std::optional<double> number(std::string_view text, double low, double high) {
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  if (!std::isfinite(value) || value < low || value > high) return std::nullopt;
-  return value;
-}
-
-template <class Integer>
-std::optional<Integer> integer(std::string_view text, int base = 10) {
-  if (base == 16 && (text.starts_with("0x") || text.starts_with("0X"))) text.remove_prefix(2);
-  Integer value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-/// A time of 0..limit with its unit: ns, us (or the micro sign), ms, s.
-std::optional<Time> time_span(std::string_view text, Time limit) {
-  struct Unit {
-    std::string_view suffix;
-    double ns;
-  };
-  constexpr std::array<Unit, 6> kUnits{
-      {{"ns", 1.0}, {"us", 1e3}, {"\u00B5s", 1e3}, {"\u03BCs", 1e3}, {"ms", 1e6}, {"s", 1e9}}};
-  for (const Unit& unit : kUnits) {
-    if (!text.ends_with(unit.suffix)) continue;
-    text.remove_suffix(unit.suffix.size());
-    const auto value = number(text, 0.0, static_cast<double>(limit.count()) / unit.ns);
-    if (!value) return std::nullopt;
-    return Time{std::llround(*value * unit.ns)};
-  }
-  return std::nullopt;
-}
-
 /// Collects the pairs; what depends on several of them is put together in `finish`.
 class Parser {
  public:
@@ -115,11 +64,16 @@ class Parser {
       encoder->sf = EncoderModel::sf_of(*almc_);
     }
     if (sf_) encoder->sf = *sf_;
-    encoder->t2_min = t2_min_.value_or(encoder->t2_min);
-    encoder->t2_max = t2_max_.value_or(encoder->t2_max);
+    if (t2_) {
+      encoder->t2_min = t2_->low;
+      encoder->t2_max = t2_->high;
+    }
     encoder->latch_offset = latch_offset_;
     encoder->boot_time = boot_;
     encoder->seed = options_.seed;
+    encoder->standstill_rpm = standstill_;
+    encoder->eeprom = eeprom_;
+    encoder->eeprom.seed = eeprom_seed_.value_or(options_.seed + 5);
     options_.line.seed = options_.seed + 1;
     options_.port.seed = options_.seed + 2;
     options_.encoder = *encoder;
@@ -141,7 +95,7 @@ class Parser {
     std::string_view name;
     Result (Parser::*read)(std::string_view key, std::string_view value);
   };
-  static const std::array<Key, 21> kKeys;
+  static const std::array<Key, 31> kKeys;
 
   template <class To>
   static Result put(To& to, const auto& value, std::string_view key, std::string_view text,
@@ -195,14 +149,8 @@ class Parser {
     return put(almc_, integer<std::uint8_t>(value, 16), key, value, "one byte in hexadecimal");
   }
   Result read_t2(std::string_view key, std::string_view value) {
-    const std::size_t dots = value.find("..");
-    const auto low = time_span(value.substr(0, dots), kMaxGap);
-    const auto high = dots == std::string_view::npos ? low : time_span(value.substr(dots + 2), kMaxGap);
-    if (!low || !high || *low > *high)
-      return bad(key, value, "a time to 1ms such as 3us, or a range 2.8us..3.2us");
-    t2_min_ = *low;
-    t2_max_ = *high;
-    return {};
+    return put(t2_, time_range(value, kMaxGap), key, value,
+               "a time to 1ms such as 3us, or a range 2.8us..3.2us");
   }
   Result read_latch_offset(std::string_view key, std::string_view value) {
     return put(latch_offset_, time_span(value, kMaxGap), key, value, "a time to 1ms such as 0.5us");
@@ -211,9 +159,7 @@ class Parser {
     return put(boot_, time_span(value, kMaxBoot), key, value, "a time to 3600s such as 300ms");
   }
   Result read_echo(std::string_view key, std::string_view value) {
-    if (!value.empty() && value != "on" && value != "off") return bad(key, value, "on or off");
-    options_.line.echo = value != "off";
-    return {};
+    return put(options_.line.echo, on_off(value), key, value, "on or off");
   }
   Result read_jitter(std::string_view key, std::string_view value) {
     return put(options_.port.start_jitter, time_span(value, kMaxDelay), key, value,
@@ -244,6 +190,46 @@ class Parser {
   }
   Result read_lost(std::string_view key, std::string_view value) {
     return put(options_.lost_replies, number(value, 0.0, 1.0), key, value, "a probability 0..1");
+  }
+
+  Result read_standstill(std::string_view key, std::string_view value) {
+    return put(standstill_, number(value, 0.0, kMaxRpm), key, value, "revolutions a minute, 0..1e6");
+  }
+  Result read_eeprom_pages(std::string_view key, std::string_view value) {
+    const auto pages = integer<unsigned>(value);
+    if (!pages || *pages < 1 || *pages > EepromModel::kPages) return bad(key, value, "1 to 7 pages");
+    eeprom_.pages = *pages;
+    return {};
+  }
+  Result read_eeprom_write(std::string_view key, std::string_view value) {
+    const auto range = time_range(value, kMaxDelay);
+    if (!range) return bad(key, value, "a time to 3s such as 10ms, or a range 5ms..12ms");
+    eeprom_.write_time_min = range->low;
+    eeprom_.write_time_max = range->high;
+    return {};
+  }
+  Result read_eeprom_page(std::string_view key, std::string_view value) {
+    return put(eeprom_.page_time, time_span(value, kMaxDelay), key, value, "a time to 3s such as 18ms");
+  }
+  Result read_eeprom_ack(std::string_view key, std::string_view value) {
+    const bool known = value == "busy" || value == "plain";
+    return put(eeprom_.write_reply_busy, known ? std::optional{value == "busy"} : std::nullopt, key, value,
+               "busy or plain");
+  }
+  Result read_eeprom_deaf(std::string_view key, std::string_view value) {
+    return put(eeprom_.deaf_while_busy, on_off(value), key, value, "on or off");
+  }
+  Result read_eeprom_volatile(std::string_view key, std::string_view value) {
+    return put(eeprom_.page_volatile, on_off(value), key, value, "on or off");
+  }
+  Result read_eeprom_start(std::string_view key, std::string_view value) {
+    return put(eeprom_.power_up_page, integer<std::uint8_t>(value), key, value, "a page number, 0..255");
+  }
+  Result read_eeprom_fail(std::string_view key, std::string_view value) {
+    return put(eeprom_.failed_writes, number(value, 0.0, 1.0), key, value, "a probability 0..1");
+  }
+  Result read_eeprom_seed(std::string_view key, std::string_view value) {
+    return put(eeprom_seed_, integer<std::uint64_t>(value), key, value, "a whole number from 0");
   }
 
   Result read_motion() {
@@ -288,13 +274,15 @@ class Parser {
   std::optional<std::uint8_t> enid_;
   std::optional<std::uint8_t> sf_;
   std::optional<std::uint8_t> almc_;
-  std::optional<Time> t2_min_;
-  std::optional<Time> t2_max_;
+  std::optional<TimeRange> t2_;
   Time latch_offset_{0};
   Time boot_{0};
+  double standstill_ = EncoderConfig{}.standstill_rpm;
+  EepromConfig eeprom_;
+  std::optional<std::uint64_t> eeprom_seed_;
 };
 
-const std::array<Parser::Key, 21> Parser::kKeys{{
+const std::array<Parser::Key, 31> Parser::kKeys{{
     {"profile", &Parser::read_profile},
     {"rpm", &Parser::read_rpm},
     {"accel", &Parser::read_accel},
@@ -316,6 +304,16 @@ const std::array<Parser::Key, 21> Parser::kKeys{{
     {"baud", &Parser::read_baud},
     {"ber", &Parser::read_ber},
     {"lost", &Parser::read_lost},
+    {"standstill", &Parser::read_standstill},
+    {"eeprom_pages", &Parser::read_eeprom_pages},
+    {"eeprom_write", &Parser::read_eeprom_write},
+    {"eeprom_page", &Parser::read_eeprom_page},
+    {"eeprom_ack", &Parser::read_eeprom_ack},
+    {"eeprom_deaf", &Parser::read_eeprom_deaf},
+    {"eeprom_volatile", &Parser::read_eeprom_volatile},
+    {"eeprom_start", &Parser::read_eeprom_start},
+    {"eeprom_fail", &Parser::read_eeprom_fail},
+    {"eeprom_seed", &Parser::read_eeprom_seed},
 }};
 
 }  // namespace
@@ -350,7 +348,7 @@ std::expected<SimOptions, std::string> parse_sim_options(std::string_view text) 
       const std::size_t equals = pair.find('=');
       const std::string_view key = pair.substr(0, equals);
       const bool has_value = equals != std::string_view::npos;
-      if (!has_value && key != "echo") {
+      if (!has_value && key != "echo" && key != "eeprom_deaf") {
         return std::unexpected{"'" + std::string{pair} + "': expected key=value"};
       }
       if (const Result read = parser.read(key, has_value ? pair.substr(equals + 1) : ""); !read) {

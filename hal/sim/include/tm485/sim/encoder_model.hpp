@@ -43,6 +43,8 @@ struct EncoderConfig {
   Time reset_spacing{62'500};  ///< a reset run with a shorter interval starts anew
   Time zero_settle = std::chrono::milliseconds{100};  ///< ID8 takes effect this long after the tenth request
   std::uint64_t seed = 1;
+  double standstill_rpm = 0.1;  ///< ID8 is refused while the shaft is faster
+  EepromConfig eeprom = {};     ///< with a seed of its own
 };
 
 /// What the encoder took at the latch instant of its last request.
@@ -60,7 +62,11 @@ struct EncoderStatistics {
   std::uint64_t unknown_cf = 0;     ///< first byte is no CF of a defined ID (parity errors included)
   std::uint64_t bad_requests = 0;   ///< wrong CRC, cut short, or a character without a stop bit
   std::uint64_t deaf_requests = 0;  ///< began while the encoder itself was on the line
-  std::uint64_t resets_done = 0;    ///< complete runs of ten
+  std::uint64_t resets_done = 0;    ///< complete runs of ten, ID8 in standstill only
+  std::uint64_t zero_refused = 0;   ///< complete runs of ID8 while the shaft moved
+  std::uint64_t busy_reads = 0;     ///< EEPROM reads answered with ADF.7
+  std::uint64_t busy_writes = 0;    ///< EEPROM writes answered with ADF.7 and not stored
+  std::uint64_t busy_silences = 0;  ///< other requests not answered: EepromConfig::deaf_while_busy
   std::uint64_t power_ups = 0;
 };
 
@@ -82,10 +88,15 @@ class EncoderModel {
   [[nodiscard]] bool mid_request() const noexcept { return phase_ == Phase::collecting; }
 
   /// What the shaft does from now on.
-  void set_motion(const MotionProfile& motion) noexcept { motion_ = motion; }
+  void set_motion(const MotionProfile& motion) noexcept { (stale_ ? unseen_motion_ : motion_) = motion; }
 
   /// Alarm bits whose cause lasts; replaces those of the configuration.
   void set_alarms(std::uint8_t sf, std::uint8_t almc) noexcept;
+
+  /// The sensor delivers nothing new any more: from now on every position is that of the instant `since`, and the
+  /// counting error (SF.4, ALMC.2) is latched; ID7 and IDC clear it only once sample_fresh() was called.
+  void sample_stale(Time since) noexcept;
+  void sample_fresh() noexcept;
 
   /// Alarm bits that stay until an ID7 or IDC run or a power cycle clears them.
   void latch_alarms(std::uint8_t sf, std::uint8_t almc) noexcept;
@@ -100,6 +111,12 @@ class EncoderModel {
   bool power_off(Time instant) noexcept { return add_power_change(instant, false); }
   bool power_on(Time instant) noexcept { return add_power_change(instant, true); }
   static constexpr std::size_t kPowerChanges = 8;
+
+  /// What happens by itself up to `now`, power changes above all, has then happened. Every character does the same up
+  /// to its own end: needed only to look at the EEPROM after a power loss that nobody has asked since.
+  void advance_to(Time now) noexcept {
+    if (now >= next_change_) apply_changes(now);
+  }
 
   [[nodiscard]] const EncoderConfig& config() const noexcept { return config_; }
   [[nodiscard]] const Latch& last_latch() const noexcept { return latch_; }
@@ -123,8 +140,13 @@ class EncoderModel {
                      Burst& reply) noexcept;
   bool collect(std::uint8_t byte, Time end, bool framing_ok, Burst& reply) noexcept;
   bool answer(Time end, Burst& reply) noexcept;
+  bool answer_eeprom(Time end, Burst& reply) noexcept;
+  bool send(std::uint64_t front, std::uint64_t back, Time end, Burst& reply) noexcept;
+  [[nodiscard]] bool only_eeprom_is_deaf(Time start) const noexcept;
   void take_position(Time end) noexcept;
+  [[nodiscard]] bool shaft_moves(Time at) const noexcept;
   void note_reset(std::uint8_t id) noexcept;
+  void clear_alarms() noexcept;
   void refuse_request(std::uint64_t& counter, std::uint8_t t_format_flag) noexcept;
   void cut_by_power_off(Burst& reply) noexcept;
 
@@ -147,7 +169,7 @@ class EncoderModel {
   Time request_start_{0};
   Time last_end_ = -kNever;
   Time character_time_{0};
-  Time deaf_until_ = -kNever;
+  Time deaf_until_ = -kNever;  // for the own reply or, with deaf_while_busy, as long as the EEPROM is busy
 
   // The position.
   std::int64_t zero_offset_ = 0;  // shaft counts at which ABS is 0
@@ -175,9 +197,14 @@ class EncoderModel {
   std::array<PowerChange, kPowerChanges> power_changes_{};
   std::size_t power_change_count_ = 0;
 
-  EepromModel eeprom_;
   T1Judge t1_;
   EncoderStatistics statistics_;
+
+  // What few cycles need.
+  Time speaking_until_ = -kNever;  // end of the last reply about the EEPROM
+  bool stale_ = false;
+  MotionProfile unseen_motion_;  // the shaft's, while the sensor is stale
+  EepromModel eeprom_;
 };
 
 }  // namespace tm485::sim

@@ -33,6 +33,7 @@ struct ServerStatistics {
   std::uint64_t clients = 0;        ///< accepted connections; unix socket only
 };
 
+class EepromFile;
 class Endpoint;
 
 /// One thread owns it. Of `SimOptions` it takes the encoder, the motion, the line's rate and echo; jitter and
@@ -53,11 +54,19 @@ class Server {
   Server& operator=(Server&&) noexcept;
   ~Server();
 
+  /// Keeps the EEPROM in the file `path`, so that it outlives this process: loads it, or creates it with what the model
+  /// holds (FF), and from then on saves it after each write that the encoder has completed, once the reply to the last
+  /// request is out. A save takes as long as the disk does; requests wait meanwhile and are answered late. The byte of
+  /// a write under way when the process is killed keeps its old value. Call before `serve`. An error: the file cannot be
+  /// read or written, is no regular file, or has another size; the model is then unchanged.
+  [[nodiscard]] std::expected<void, ServerError> keep_eeprom(const std::string& path);
+
   /// What a client has to open: the link if there is one, otherwise the terminal or the socket.
   [[nodiscard]] const std::string& path() const noexcept;
 
   /// Serves until `stop` is true, which it notices within about 50 ms (a signal wakes it at once). Blocks;
-  /// sleeps while no request is pending. Any bytes are survived. An error means that the endpoint is gone.
+  /// sleeps while no request is pending. Any bytes are survived. An error means that the endpoint is gone,
+  /// or that the EEPROM could not be saved.
   [[nodiscard]] std::expected<void, ServerError> serve(const std::atomic<bool>& stop);
 
   /// Not while `serve` runs in another thread.
@@ -68,12 +77,16 @@ class Server {
   Server(const SimOptions& options, std::unique_ptr<Endpoint> endpoint);
 
   void handle(const std::uint8_t* bytes, std::size_t count, const std::atomic<bool>& stop);
+  [[nodiscard]] std::expected<void, ServerError> save_eeprom(Time now);
+  [[nodiscard]] int poll_ms() const;
   [[nodiscard]] bool continues_request(Time now) const noexcept;
   void write(const std::uint8_t* bytes, std::size_t count);
   [[nodiscard]] Time now() const;
   void wait_until(Time instant, bool exactly, const std::atomic<bool>& stop) const;
 
   std::unique_ptr<Endpoint> endpoint_;
+  std::unique_ptr<EepromFile> eeprom_file_;  // null: none
+  std::uint64_t saved_generation_ = 0;
   EncoderModel model_;
   Time character_time_;
   bool echo_;

@@ -47,6 +47,16 @@ struct SimOptions {
 ///   baud=N              bits per second
 ///   ber=P or ber=P:P    probability of a wrong bit, in requests and in replies
 ///   lost=P              probability of a lost reply
+///   standstill=RPM      ID8 is refused above this speed (0.1)
+///   eeprom_pages=N      1..7 (7)
+///   eeprom_write=T or T..T     busy after a write (10ms)
+///   eeprom_page=T       busy after a page select (18ms; T-format 0ms)
+///   eeprom_ack=busy|plain      whether the reply to an accepted write has ADF.7 (plain; T-format busy)
+///   eeprom_deaf[=on|off]       position requests stay unanswered while the EEPROM is busy (off)
+///   eeprom_volatile=on|off     whether a power cycle selects the page of power-up again (on)
+///   eeprom_start=N      page at power-up (0)
+///   eeprom_fail=P       probability of a write that leaves the old value
+///   eeprom_seed=N       of busy times, failed writes and what a power loss leaves; without it from seed=
 /// The error names the key or value that is wrong and what is known instead. May allocate: set-up only.
 [[nodiscard]] std::expected<SimOptions, std::string> parse_sim_options(std::string_view text);
 
