@@ -18,8 +18,8 @@ LoopState AxisClient::read(Time now) noexcept {
     return state;
   }
   was_valid_ = true;
-  const bool newest = view.sample.quality() == Quality::fresh && now < view.fresh_until;
-  state.validity = newest ? SampleValidity::fresh : SampleValidity::extrapolated;
+  state.validity =
+      view.newest && now < view.fresh_until ? SampleValidity::fresh : SampleValidity::extrapolated;
   return state;
 }
 

@@ -39,10 +39,12 @@ std::optional<Priority> BackgroundQueue::on_slot_passed(std::uint32_t most) noex
   return starved;
 }
 
-void BackgroundQueue::complete(Priority priority, const std::expected<Reply, Errc>& result) noexcept {
+void BackgroundQueue::complete(Priority priority, const std::expected<Reply, Errc>& result,
+                               const std::optional<Reply>& heard) noexcept {
   const auto index = static_cast<std::size_t>(priority);
   if ((waiting_ & bit(index)) == 0) return;
   places_[index].result.emplace(result);
+  places_[index].heard = heard;
   waiting_ = static_cast<std::uint8_t>(waiting_ & ~bit(index));
   done_ |= bit(index);
 }
@@ -55,17 +57,22 @@ void BackgroundQueue::complete_all(Errc cause, std::optional<Priority> under_way
   }
 }
 
-std::optional<Completion> BackgroundQueue::take(Priority priority) noexcept {
-  const auto index = static_cast<std::size_t>(priority);
+std::optional<Completion> BackgroundQueue::take_from(std::size_t index) noexcept {
   if ((done_ & bit(index)) == 0) return std::nullopt;
   done_ = static_cast<std::uint8_t>(done_ & ~bit(index));
   const Place& place = places_[index];
-  return Completion{*place.request, *place.result, place.ticket};
+  return Completion{*place.request, *place.result, place.ticket, place.heard};
+}
+
+std::optional<Completion> BackgroundQueue::take(Priority priority, std::uint32_t ticket) noexcept {
+  const auto index = static_cast<std::size_t>(priority);
+  if (places_[index].ticket != ticket) return std::nullopt;
+  return take_from(index);
 }
 
 std::optional<Completion> BackgroundQueue::take() noexcept {
   for (std::size_t i = 0; i < kPriorities; ++i)
-    if (auto completion = take(static_cast<Priority>(i))) return completion;
+    if (auto completion = take_from(i)) return completion;
   return std::nullopt;
 }
 

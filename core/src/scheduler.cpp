@@ -47,6 +47,8 @@ std::expected<Scheduler, CycleRefusal> Scheduler::make(const Pattern& pattern, c
     if (span < port.shortest_exchange) return refuse(Errc::period_below_port, shortest, i);
   }
   Scheduler scheduler(complete, phase, profile, port);
+  if (scheduler.length_ > kLongest)
+    return refuse(Errc::bad_argument, kLongest / (scheduler.length_ / complete.slot()));
   if (phase.kind == Phase::Kind::servo) {
     const CycleRefusal refusal = scheduler.check_servo(shortest);
     if (refusal.code != Errc::ok) return std::unexpected(refusal);
@@ -92,7 +94,7 @@ void Scheduler::measure(const PortCapability& port) noexcept {
     const Time slack = to_next - profile_->t1(id);
     total_slack += slack;
     slack_ = std::min(slack_, slack);
-    gap_ = std::max(gap_, slack - port.jitter_margin);
+    gap_ = std::max(gap_, slack - 2 * port.jitter_margin);  // the request before is late, and so is this one
   }
   length_ /= 2;
   total_slack /= 2;
@@ -118,7 +120,8 @@ Time Scheduler::shortest_slot(const Pattern& pattern, const CompiledProfile& pro
 
 /// One of pattern and servo period is a whole multiple of the other, and the sample is there when the tick comes.
 CycleRefusal Scheduler::check_servo(Time shortest) const noexcept {
-  constexpr std::int64_t kMostPeriods = 255;
+  // With more, the drift that the lock can follow would be more in one period than it hears.
+  constexpr std::int64_t kMostPeriods = 60;
   const ServoClock& clock = phase_.servo;
   if (clock.period <= Time{0} || clock.period > kLongest) return {Errc::servo_mismatch};
   const bool pattern_longer = length_ >= clock.period;
@@ -156,13 +159,14 @@ Feasibility Scheduler::feasibility() const noexcept {
 void Scheduler::begin(Time first) noexcept {
   slot_ = first;
   step_ = 0;
+  running_ = true;
   load_step();
   if (phase_.kind == Phase::Kind::epoch) {
     const Time into = (first + latch_after_ - phase_.epoch) % length_;
     if (into > Time{0}) slot_ += length_ - into;
     if (into < Time{0}) slot_ -= into;
   }
-  if (locked_) lock_.begin(first);
+  if (locked_) slot_ = lock_.begin(first);
 }
 
 void Scheduler::load_step() noexcept {
@@ -197,10 +201,11 @@ std::uint32_t Scheduler::pass(Time until) noexcept {
 }
 
 std::uint32_t Scheduler::give_way(Time free_at) noexcept {
-  if (free_) {  // the grid moves: it is one slot that falls out
-    const bool moved = slot_ < free_at;
-    if (moved) slot_ = free_at;
-    return moved ? 1 : 0;
+  if (free_) {  // the grid moves
+    if (slot_ >= free_at) return 0;
+    const std::int64_t taken = (free_at - slot_ + to_next_ - Time{1}) / to_next_;
+    slot_ = free_at;
+    return static_cast<std::uint32_t>(std::min<std::int64_t>(taken, UINT32_MAX));
   }
   const Time until = free_at - tolerance_;
   return slot_ < until ? pass(until) : 0;
@@ -209,6 +214,7 @@ std::uint32_t Scheduler::give_way(Time free_at) noexcept {
 void Scheduler::on_servo_tick(Time tick, Statistics& statistics) noexcept {
   if (!locked_) return;
   saturating_increment(statistics.servo_ticks);
+  if (!running_) lock_.follow(tick);
   const std::optional<Time> error = lock_.on_tick(tick);
   if (!error) return saturating_increment(statistics.servo_locks);
   if (lock_.state() == ServoLock::State::locked) statistics.servo_phase.add(*error);

@@ -5,9 +5,11 @@
 namespace tm485 {
 namespace {
 
-constexpr int kPhaseShift = 3;             // an eighth of the error moves the start
-constexpr std::int64_t kRateShift = 8;     // a 256th changes the length
-constexpr std::uint8_t kVotes = 8;         // ticks in a row that change the state
+constexpr int kPhaseShift = 3;          // an eighth of the error moves the start
+constexpr std::int64_t kRateShift = 8;  // a 256th changes the length
+constexpr std::uint8_t kVotes = 8;      // ticks in a row that change the state
+constexpr std::int64_t kMostGain =
+    4096;  // of an error at most a 16th a pattern, however many ticks a pattern has
 constexpr std::int64_t kRateLimit = 1000;  // parts of the length: 1000 ppm, far beyond two crystals
 
 }  // namespace
@@ -21,21 +23,31 @@ ServoLock::ServoLock(const ServoClock& clock, Time length, Time latch_after) noe
   const std::int64_t scaled = (std::int64_t{1} << kFraction) * length.count();
   rate_limit_ = static_cast<std::int32_t>(std::min(scaled / kRateLimit, kMost));
   // One tick's worth of rate, seen from one pattern: length / period of it.
-  rate_gain_ =
-      static_cast<std::int32_t>(std::clamp<std::int64_t>((scaled / period_.count()) >> kRateShift, 1, kMost));
+  rate_gain_ = static_cast<std::int32_t>(
+      std::clamp<std::int64_t>((scaled / period_.count()) >> kRateShift, 1, kMostGain));
 }
 
-void ServoLock::begin(Time start) noexcept {
-  start_ = start;
-  fraction_ = 0;  // rate_ stays: the clocks are the same as before
-  state_ = State::waiting;
-  votes_ = 0;
+Time ServoLock::begin(Time first) noexcept {
+  if (state_ == State::waiting) {
+    start_ = first;
+    return start_;
+  }
+  // The phase is known: the next start that has it.
+  const Time behind = first - start_;
+  if (behind > Time{0}) start_ += unit_ * ((behind + unit_ - Time{1}) / unit_);
+  return start_;
 }
 
 Time ServoLock::advance(std::int64_t patterns) noexcept {
   start_ += length_ * patterns;
   shift(std::int64_t{rate_} * patterns);
+  if (start_ - last_tick_ > period_ * kLostAfter + length_) state_ = State::waiting;
   return start_;
+}
+
+void ServoLock::follow(Time tick) noexcept {
+  const Time ahead = tick - ahead_ - start_;
+  if (ahead > length_) (void)advance(ahead / length_);
 }
 
 /// `by` in 2^-16 ns.

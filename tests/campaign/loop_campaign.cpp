@@ -266,7 +266,7 @@ class Episode {
     switch (state.validity) {
       case SampleValidity::fresh:
         ++totals_->fresh_reads;
-        if (sample.quality() != Quality::fresh) return fail("called fresh, but it is not");
+        if (sample.quality() == Quality::invalid) return fail("called fresh, but it is invalid");
         if (sample.age(tick) > fresh_limit_) return fail("called fresh, but it is too old");
         break;
       case SampleValidity::extrapolated:

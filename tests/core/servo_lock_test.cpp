@@ -133,6 +133,22 @@ TEST(ServoLock, DriftOfEitherSignIsFollowedAtEveryRatio) {
   }
 }
 
+// Many ticks a pattern all speak of the same error before it is corrected once.
+TEST(ServoLock, IsStableUpToTheLargestRatio) {
+  for (const int ratio : {2, 16, 32, 60}) {
+    World longer = make(Cycle{DataId::everything, us(100) * ratio}, us(100), us(60));
+    longer.ppm = 30;
+    EXPECT_LE(worst_error(longer, us(60), 40'000), us(2)) << ratio << " ticks a pattern";
+    EXPECT_EQ(longer.statistics.servo_locks, 1U) << ratio;
+    World shorter = make(Cycle{DataId::everything, us(100)}, us(100) * ratio, us(60));
+    shorter.ppm = 900;
+    EXPECT_LE(worst_error(shorter, us(60), 8'000), us(2)) << ratio << " patterns a tick";
+  }
+  PortCapability port;
+  EXPECT_FALSE(Scheduler::make(Cycle{DataId::everything, us(6'100)}, Phase::locked_to({us(100), us(60)}),
+                               profile(), port));
+}
+
 TEST(ServoLock, LateStampedTicksMoveTheGridLittle) {
   World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
   world.tick_jitter = 2'000;  // uniform: one microsecond late in the mean

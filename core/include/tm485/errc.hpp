@@ -42,8 +42,12 @@ enum class Errc : std::uint8_t {
   position_lost,            ///< too long without a frame to count turns from single-turn data
 
   // Device: what the encoder reports.
-  alarm_fault,  ///< an SF or ALMC bit whose policy is "fault" is set
-  eeprom_busy,  ///< ADF bit 7: the EEPROM is busy, the data are void
+  alarm_fault,           ///< an SF or ALMC bit whose policy is "fault" is set
+  eeprom_busy,           ///< ADF bit 7: the EEPROM is busy, the data are void
+  eeprom_mismatch,       ///< a byte of the EEPROM is not what was wanted
+  shaft_moves,           ///< a zero reset wants a shaft that stands still
+  reset_without_effect,  ///< ten good replies, and nothing has changed
+  eeprom_page_refused,   ///< the page register does not take the page
 
   // Usage: what the caller asked for.
   bad_argument,       ///< an argument outside its range

@@ -35,7 +35,6 @@ class Axis {
         validity_(setup.on_invalid),
         statistics_every_(setup.statistics_every),
         max_hold_(setup.bus.max_hold),
-        port_delay_(port.capability().latency_allowance + port.capability().jitter_margin),
         commands_(link_.commands),
         results_(link_.results),
         client_(link_) {
@@ -56,6 +55,9 @@ class Axis {
   /// wait. Bounded as Bus::poll, and by kAxisCommands.
   Time poll(Time now) noexcept;
 
+  /// As Bus::reply_expected, for whoever polls many.
+  [[nodiscard]] Time reply_expected() const noexcept { return bus_.reply_expected(); }
+
   /// The loop's side. Its context alone may use it.
   [[nodiscard]] AxisClient& client() noexcept { return client_; }
   /// For the bus's own context: managers that offer exchanges, recorders. Its samples are the axis's.
@@ -63,7 +65,7 @@ class Axis {
   [[nodiscard]] const Bus<P>& bus() const noexcept { return bus_; }
 
  private:
-  void take_commands(Time now) noexcept;
+  [[nodiscard]] bool take_commands(Time now) noexcept;
   void execute(const AxisLink::Posted& posted, Time now) noexcept;
   void offer_waiting() noexcept;
   void take_completions() noexcept;
@@ -80,14 +82,13 @@ class Axis {
   Time statistics_every_;
   Time statistics_at_{0};
   Time max_hold_;
-  Time port_delay_;    ///< what the port may add to the pattern until a sample is here
-  Time fresh_for_{0};  ///< a sample of this age has an overdue successor
   Time fresh_until_{0};
   Time valid_until_{0};
   std::uint32_t ticks_ = 0;
   std::uint32_t resumed_ = 0;
   std::uint32_t sequence_ = 0;  ///< of the sample that was seen last
   BusState state_ = BusState::stopped;
+  bool newest_ = false;   ///< the newest position that the pattern should have brought is here
   bool changed_ = false;  ///< something but the sample
   SpscRing<AxisLink::Posted, kAxisCommands>::Consumer commands_;
   SpscRing<CommandResult, kAxisCommands>::Producer results_;

@@ -27,8 +27,8 @@ struct Command {
   enum class Kind : std::uint8_t {
     exchange,        ///< `request`, in the background of the cycle
     resume,          ///< leave the latched invalid state; bad_state while no good sample comes
-    set_referenced,  ///< the axis was homed
-    unreference,     ///< the axis is no longer homed
+    set_referenced,  ///< the axis was homed; bad_state during start-up
+    unreference,     ///< the axis is no longer homed; bad_state during start-up
     restart,         ///< the encoder was restarted: begin with start-up again
   };
   Kind kind = Kind::exchange;
@@ -57,6 +57,7 @@ struct AxisView {
   Time fresh_until{0};                 ///< later the next sample is overdue
   Time valid_until{0};                 ///< later even the extrapolated one is too old
   std::uint32_t resumed = 0;           ///< counts resume commands
+  bool newest = false;                 ///< the newest position that the pattern should have brought is here
   bool valid = false;                  ///< false: no sample yet, or invalid is latched
   bool latched = false;
   BusState state = BusState::stopped;

@@ -10,18 +10,14 @@ namespace tm485 {
 template <Port P>
 std::expected<void, CycleRefusal> Axis<P>::start(Time now) noexcept {
   const auto started = bus_.start(now);
-  if (!started) return started;
-  if (bus_.scheduler()) {
-    fresh_for_ = bus_.scheduler()->sample_gap() + bus_.scheduler()->feasibility().ready + port_delay_;
-  }
-  publish_changes(now);
+  if (started) publish_changes(now);
   return started;
 }
 
 template <Port P>
 void Axis<P>::stop(Time now) noexcept {
   bus_.stop();
-  take_commands(now);
+  (void)take_commands(now);
   take_completions();
   offer_waiting();  // each is refused, and answered
   publish_changes(now);
@@ -36,7 +32,8 @@ Time Axis<P>::poll(Time now) noexcept {
   }
   Time next = bus_.poll(now);
   see_sample(now);
-  take_commands(now);  // behind the newest sample: resume looks at it
+  if (take_commands(now))
+    next = now;  // behind the newest sample: resume looks at it. A restart is due at once
   if (offered_count_ != 0) take_completions();
   if (waiting_count_ != 0) {
     const std::uint32_t before = offered_count_;
@@ -53,15 +50,18 @@ Time Axis<P>::poll(Time now) noexcept {
 
 /// At most kAxisCommands: the client posts no more before it has taken results.
 template <Port P>
-void Axis<P>::take_commands(Time now) noexcept {
+bool Axis<P>::take_commands(Time now) noexcept {
   AxisLink::Posted posted;
+  bool any = false;
   while (commands_.try_pop(posted)) {
+    any = true;
     if (posted.command.kind != Command::Kind::exchange) {
       execute(posted, now);
     } else if (waiting_count_ < kAxisCommands) {
       waiting_[waiting_count_++] = posted;
     }
   }
+  return any;
 }
 
 template <Port P>
@@ -72,10 +72,10 @@ void Axis<P>::execute(const AxisLink::Posted& posted, Time now) noexcept {
       error = resume(now);
       break;
     case Command::Kind::set_referenced:
-      bus_.set_referenced(true);
-      break;
     case Command::Kind::unreference:
-      bus_.set_referenced(false);
+      // Start-up decides anew, so it would not last.
+      if (bus_.state() != BusState::running) error = Errc::bad_state;
+      if (error == Errc::ok) bus_.set_referenced(posted.command.kind == Command::Kind::set_referenced);
       break;
     case Command::Kind::restart:
       if (bus_.state() == BusState::stopped) error = Errc::bad_state;
@@ -89,7 +89,7 @@ void Axis<P>::execute(const AxisLink::Posted& posted, Time now) noexcept {
 
 template <Port P>
 Errc Axis<P>::resume(Time now) noexcept {
-  if (bus_.latest().quality() != Quality::fresh || now >= valid_until_) return Errc::bad_state;
+  if (!newest_ || now >= valid_until_) return Errc::bad_state;
   validity_.resume();
   validity_.on_good();
   ++resumed_;
@@ -125,7 +125,7 @@ template <Port P>
 void Axis<P>::take_completions() noexcept {
   for (std::size_t i = 0; i < kPriorities; ++i) {
     if (!offered_[i]) continue;
-    const auto completion = bus_.take_completion(static_cast<Priority>(i));
+    const auto completion = bus_.take_completion(static_cast<Priority>(i), offered_[i]->ticket);
     if (!completion) continue;
     const auto& result = completion->result;
     answer(*offered_[i], result ? Errc::ok : result.error(), result ? std::optional(*result) : std::nullopt);
@@ -161,6 +161,7 @@ void Axis<P>::publish_changes(Time now) noexcept {
   view.estimator = estimator_;
   view.fresh_until = fresh_until_;
   view.valid_until = valid_until_;
+  view.newest = newest_;
   view.resumed = resumed_;
   view.valid = validity_.valid();
   view.latched = validity_.latched();
@@ -174,19 +175,24 @@ void Axis<P>::publish_changes(Time now) noexcept {
 template <Port P>
 void Axis<P>::on_sample(const Sample& sample, Time now) noexcept {
   switch (sample.quality()) {
-    case Quality::fresh: {
+    case Quality::fresh:
       if (estimator_) estimator_->update(sample);
-      // By age, not by when it was seen: a bus that was late itself does not make an old sample new.
-      fresh_until_ = sample.latch_time() + fresh_for_;
+      fresh_until_ = bus_.fresh_until();
       valid_until_ = fresh_until_ + max_hold_;
+      newest_ = true;
       return validity_.on_good();
-    }
     case Quality::held:
     case Quality::extrapolated:
+      // A good reply without a position is no missing one: the pattern brings the next position in its time.
+      if (bus_.last_record().kind == CycleRecord::Kind::cyclic && bus_.last_record().result == Errc::ok &&
+          layout(bus_.last_record().id).abs_at == 0)
+        return;
+      newest_ = false;
       if (estimator_) estimator_->miss(now);
       return;
     case Quality::invalid:
       if (estimator_) estimator_->reset();
+      newest_ = false;
       valid_until_ = Time{0};
       return validity_.on_lost(now);
   }

@@ -40,6 +40,9 @@ struct Completion {
   Request request;
   std::expected<Reply, Errc> result;
   std::uint32_t ticket = 0;  ///< as offered
+  /// What the encoder said, also where `result` is eeprom_busy or eeprom_address_mismatch: a reply that the line's and
+  /// the profile's checks let pass.
+  std::optional<Reply> heard;
 };
 
 /// One owner (the bus). Every function: constant time.
@@ -54,24 +57,30 @@ class BackgroundQueue {
   [[nodiscard]] std::expected<void, Errc> offer(const Request& request, std::uint32_t ticket) noexcept;
   /// The request that is next, or null. Stays until it is completed.
   [[nodiscard]] const Request* next() const noexcept { return waiting_ == 0 ? nullptr : choose(); }
+  [[nodiscard]] bool empty() const noexcept { return waiting_ == 0; }
   [[nodiscard]] bool has_reset() const noexcept { return (waiting_ & 1U) != 0; }
   /// A cyclic slot went by. Answers the class whose request has now waited for `most` slots, if one has.
   [[nodiscard]] std::optional<Priority> on_slot_passed(std::uint32_t most) noexcept;
   /// How many slots the request of a class has waited.
   [[nodiscard]] std::uint32_t waited(Priority priority) const noexcept { return at(priority).waited; }
   /// The request of a class has its result.
-  void complete(Priority priority, const std::expected<Reply, Errc>& result) noexcept;
+  void complete(Priority priority, const std::expected<Reply, Errc>& result) noexcept {
+    complete(priority, result, result ? std::optional(*result) : std::nullopt);
+  }
+  void complete(Priority priority, const std::expected<Reply, Errc>& result,
+                const std::optional<Reply>& heard) noexcept;
   /// Everything that waits ends with `cause`, but what is under way with `cause_under_way`.
   void complete_all(Errc cause, std::optional<Priority> under_way, Errc cause_under_way) noexcept;
   /// A completion, once; that of the most urgent class first.
   [[nodiscard]] std::optional<Completion> take() noexcept;
-  /// That of one class.
-  [[nodiscard]] std::optional<Completion> take(Priority priority) noexcept;
+  /// That of one class, if it has this ticket.
+  [[nodiscard]] std::optional<Completion> take(Priority priority, std::uint32_t ticket) noexcept;
 
  private:
   struct Place {
     std::optional<Request> request;
     std::optional<std::expected<Reply, Errc>> result;
+    std::optional<Reply> heard;
     std::uint32_t ticket = 0;
     std::uint32_t waited = 0;
   };
@@ -81,6 +90,7 @@ class BackgroundQueue {
     return places_[static_cast<std::size_t>(priority)];
   }
   [[nodiscard]] const Request* choose() const noexcept;
+  [[nodiscard]] std::optional<Completion> take_from(std::size_t index) noexcept;
 
   std::array<Place, kPriorities> places_;
   std::uint8_t waiting_ = 0;  ///< a bit for each class

@@ -42,6 +42,9 @@ struct BusConfig {
   /// takes cyclic slots, one in N (two in 2 N if it needs two), while the sample is held; refused if it would take
   /// them for longer than max_hold.
   std::uint16_t steal_every = 0;
+  /// An EEPROM write that holds the bus (profile: 10 ms, 18 ms for a page) fits into no cycle. false: it is refused. true: it
+  /// is sent, the cycle waits, and the sample is held for so long beyond max_hold.
+  bool eeprom_may_hold = false;
   AxisConfig axis;
   /// A sample is invalid when its successor is overdue by this: at an age of one period and max_hold.
   Time max_hold = std::chrono::milliseconds(2);
@@ -50,6 +53,13 @@ struct BusConfig {
   /// profile's boot_time_min. In any case after failures that last as long as boot_time_min: a restart of the
   /// encoder must not go unnoticed behind them.
   Time lost_after{0};
+};
+
+/// What may not go to the line meanwhile.
+enum class LineHold : std::uint8_t {
+  none,
+  no_cycle,     ///< background exchanges only
+  resets_only,  ///< a run of resets, nothing between them
 };
 
 /// The last exchange, for whoever records every cycle.
@@ -98,28 +108,38 @@ class Bus {
   /// The encoder was restarted (its power failed, or a tool says so): start-up begins again.
   void on_restart(Time now) noexcept;
 
-  /// A tick of the servo clock (BusConfig::phase), stamped at `tick`; ignored without one. Ticks before start-up is
-  /// through are ignored too.
+  /// A tick of the servo clock (BusConfig::phase), stamped at `tick`; ignored without one, and before start(). Those that
+  /// come during start-up let the pattern begin in phase.
   void on_servo_tick(Time tick) noexcept {
-    if (state_ == BusState::running && scheduler_) scheduler_->on_servo_tick(tick, statistics_);
+    if (state_ != BusState::stopped && scheduler_) scheduler_->on_servo_tick(tick, statistics_);
   }
+
+  /// The cycle leaves the line alone until release_line(), or until `until`; its slots count as displaced and the sample is
+  /// held. Again: replaces the hold before. Ends by itself with a start-up.
+  void hold_line(Time now, Time until, LineHold hold) noexcept;
+  void release_line(Time now) noexcept;
+  [[nodiscard]] LineHold line_hold() const noexcept { return hold_; }
 
   /// Asks for one background exchange: a reset request goes before the next cyclic one, everything else into the
   /// free time of the pattern (or see BusConfig::steal_every). One of each class (Priority) can wait. Errors:
   /// bad_state before start-up is through, busy while one of its class is pending or its completion was not
   /// taken, no_gap if the pattern has no room for it. An offer always ends in a completion: that of its exchange;
-  /// no_gap if it waited in vain for 64 slots (with steal_every: four times that, if more); bad_state if the bus left
+  /// no_gap if it waited in vain for 64 slots (with steal_every N: for 4 N, if that is more); bad_state if the bus left
   /// the running state before it was sent, abandoned if after. `ticket` is for the caller's own use.
   [[nodiscard]] std::expected<void, Errc> offer(const Request& request, std::uint32_t ticket = 0) noexcept;
-  /// A completion, once; the most urgent class first.
+  /// A completion, once; the most urgent class first. Not beside an Axis, whose commands wait for theirs.
   [[nodiscard]] std::optional<Completion> take_completion() noexcept { return background_.take(); }
-  /// That of one class.
-  [[nodiscard]] std::optional<Completion> take_completion(Priority priority) noexcept {
-    return background_.take(priority);
+  /// That of one class, if it was offered with this ticket.
+  [[nodiscard]] std::optional<Completion> take_completion(Priority priority, std::uint32_t ticket) noexcept {
+    return background_.take(priority, ticket);
   }
 
   /// The newest sample. The one function for the reader's context; wait-free.
   [[nodiscard]] const Sample& latest() noexcept { return latest_.get(); }
+
+  /// When the successor of the newest fresh sample is overdue: by the age of its data, or by when it was seen, whichever
+  /// comes first.
+  [[nodiscard]] Time fresh_until() const noexcept { return fresh_until_; }
 
   /// The axis was homed: samples are referenced from the next one on.
   void set_referenced(bool referenced) noexcept { tracker_.set_referenced(referenced); }
@@ -155,6 +175,8 @@ class Bus {
   [[nodiscard]] Time span_of(const Request& request) const noexcept;
   [[nodiscard]] bool fits(const Request& request, Time start) const noexcept;
   [[nodiscard]] bool may_steal(const Request& request) const noexcept;
+  [[nodiscard]] bool holds_bus(const Request& request) const noexcept;
+  [[nodiscard]] const Request* candidate(Time start) const noexcept;
   void begin_background(const Request& request, Time now) noexcept;
   void slot_passed() noexcept;
   [[nodiscard]] std::expected<Scheduler, CycleRefusal> make_scheduler() const noexcept;
@@ -187,10 +209,11 @@ class Bus {
   void give_up(Time now) noexcept;
   void publish(const Sample& sample) noexcept { latest_.put(sample); }
 
-  /// How old a sample may become before it is invalid.
-  [[nodiscard]] Time valid_for() const noexcept {
-    return config_.max_hold + (scheduler_ ? scheduler_->sample_gap() : Time{0});
-  }
+  [[nodiscard]] Time sample_gap() const noexcept { return scheduler_ ? scheduler_->sample_gap() : Time{0}; }
+  /// How old a held sample may be at most.
+  [[nodiscard]] Time valid_for() const noexcept { return config_.max_hold + sample_gap(); }
+  [[nodiscard]] bool may_take_slots(const Request& request) const noexcept;
+  void lease(Time now) noexcept;
   [[nodiscard]] Time latch_uncertainty(Time seen) const noexcept;
   [[nodiscard]] Time latch_time() const noexcept {
     return exchange_.request_end() + profile_->profile().latch_offset;
@@ -216,7 +239,13 @@ class Bus {
   std::uint8_t failed_in_a_row_ = 0;
   Time slot_{0};                      ///< of the cyclic exchange under way
   std::optional<Time> cyclic_start_;  ///< of the last cyclic request
-  Time stale_at_ = kNever;            ///< when the published sample becomes invalid
+  Time fresh_for_{0};                 ///< at this age of its data a sample's successor is overdue
+  Time fresh_until_{0};
+  Time stale_at_ = kNever;  ///< when the published sample becomes invalid
+  LineHold hold_ = LineHold::none;
+  Time hold_until_{0};
+  std::uint8_t resets_in_a_row_ = 0;  ///< without a cyclic request between them
+  std::uint32_t patience_ = 0;        ///< slots that what is waiting may wait
   std::uint32_t to_steal_ = 0;        ///< cyclic slots until one may be stolen again
   Time last_good_{0};                 ///< when the last good cycle or start-up was seen
   Statistics statistics_;

@@ -16,8 +16,12 @@ std::expected<Scheduler, CycleRefusal> Bus<P>::make_scheduler() const noexcept {
   const Time longest = tracker_.unwrap_limit() - profile_->profile().latch_uncertainty * 2 -
                        capability_.jitter_margin - Time{1};
   if (scheduler->unwrap_gap() <= longest) return scheduler;
-  const std::int64_t slots = scheduler->unwrap_gap() / scheduler->pattern().slot();
-  return std::unexpected(CycleRefusal{Errc::position_lost, longest / slots});
+  const Time nearest = longest / (scheduler->unwrap_gap() / scheduler->pattern().slot());
+  Pattern fastest = *config_.cycle;
+  fastest.set_slot(Time{0});
+  const auto shortest = Scheduler::make(fastest, *profile_, capability_);
+  const bool possible = shortest && shortest->feasibility().slot <= nearest;
+  return std::unexpected(CycleRefusal{Errc::position_lost, possible ? nearest : Time{0}});
 }
 
 template <Port P>
@@ -36,6 +40,8 @@ std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
     const auto scheduler = make_scheduler();
     if (!scheduler) return std::unexpected(scheduler.error());
     scheduler_ = *scheduler;
+    fresh_for_ = scheduler_->sample_gap() + scheduler_->feasibility().ready + capability_.jitter_margin +
+                 capability_.latency_allowance;
   }
   shape_histograms();
   begin_startup(now);
@@ -51,8 +57,12 @@ void Bus<P>::stop() noexcept {
 
 template <Port P>
 Time Bus<P>::poll(Time now) noexcept {
-  if (now >= stale_at_) [[unlikely]]
+  // One sample is published in a call at most, so that nobody who looks after each call misses one.
+  if (now >= stale_at_) [[unlikely]] {
     go_stale(now);
+    return now;
+  }
+  bool verdict = false;
   if (in_flight()) {
     if (!arrived_) {
       receive(now);
@@ -64,6 +74,7 @@ Time Bus<P>::poll(Time now) noexcept {
     }
     arrived_ = false;
     finish(now);
+    verdict = true;
   }
   if (state_ == BusState::stopped) return kNever;
   if (settling_) [[unlikely]]
@@ -71,6 +82,7 @@ Time Bus<P>::poll(Time now) noexcept {
   if (state_ == BusState::startup && startup_.stage() == StartupStage::quiet) poll_quiet(now);
   const Time due = next_due(now);
   if (now < due) return wake_up(due);
+  if (verdict) return now;
   begin_due(now);
   return wake_up(in_flight() ? exchange_.deadline() + Time{1} : next_due(now));
 }
@@ -89,10 +101,28 @@ Time Bus<P>::next_due(Time now) const noexcept {
   if (state_ == BusState::startup) {
     return std::max(startup_.due(), earliest);
   }
-  const Request* const waiting = background_.next();
-  if (waiting != nullptr && (background_.has_reset() || fits(*waiting, std::max(now, earliest))))
-    return earliest;
+  if (candidate(std::max(now, earliest)) != nullptr) return earliest;
+  if (hold_ != LineHold::none) return hold_until_;
   return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
+}
+
+/// The background request that may go out at `start`, ahead of the cycle or in its free time.
+template <Port P>
+const Request* Bus<P>::candidate(Time start) const noexcept {
+  const Request* const waiting = background_.next();
+  if (waiting == nullptr) return nullptr;
+  // A run of resets goes first, but not one run after the other for ever.
+  const bool unlimited = !scheduler_ || hold_ != LineHold::none;
+  if (background_.has_reset() && (unlimited || resets_in_a_row_ < profile_->profile().reset_count))
+    return waiting;
+  if (hold_ != LineHold::none) return hold_ == LineHold::no_cycle ? waiting : nullptr;
+  return fits(*waiting, start) ? waiting : nullptr;
+}
+
+/// True for a write during which this profile's encoder wants the line to itself.
+template <Port P>
+bool Bus<P>::holds_bus(const Request& request) const noexcept {
+  return request.id() == DataId::eeprom_write && profile_->profile().eeprom_holds_bus;
 }
 
 /// From the start of a background exchange until the line is free again.
@@ -104,12 +134,13 @@ Time Bus<P>::span_of(const Request& request) const noexcept {
 /// Admission: a background exchange must be over, with its T1, before the next cyclic slot.
 template <Port P>
 bool Bus<P>::fits(const Request& request, Time start) const noexcept {
-  return !scheduler_ || start + span_of(request) <= scheduler_->slot();
+  return !scheduler_ || start + capability_.jitter_margin + span_of(request) <= scheduler_->slot();
 }
 
 /// True if a request that fits into no gap may have the slot that is due.
 template <Port P>
 bool Bus<P>::may_steal(const Request& request) const noexcept {
+  if (config_.eeprom_may_hold && holds_bus(request)) return true;
   return config_.steal_every != 0 && to_steal_ == 0 && !scheduler_->has_gap_for(span_of(request));
 }
 
@@ -123,37 +154,41 @@ void Bus<P>::begin_due(Time now) noexcept {
     }
     return;
   }
+  if (hold_ != LineHold::none && now >= hold_until_) release_line(now);
+  if (const Request* const first = candidate(now)) return begin_background(*first, now);
+  if (!scheduler_ || hold_ != LineHold::none || now < scheduler_->slot()) return;
   const Request* const waiting = background_.next();
-  if (waiting != nullptr && (background_.has_reset() || fits(*waiting, now)))
-    return begin_background(*waiting, now);
-  if (!scheduler_ || now < scheduler_->slot()) return;
   if (waiting != nullptr) [[unlikely]] {
     if (may_steal(*waiting)) return begin_background(*waiting, now);
     slot_passed();
   }
   if (to_steal_ != 0) --to_steal_;
+  resets_in_a_row_ = 0;
   send(*Request::make(scheduler_->id()), Kind::cyclic, now);
 }
 
 /// The cyclic slots that it takes fall out; their cycles show the held sample.
 template <Port P>
 void Bus<P>::begin_background(const Request& request, Time now) noexcept {
-  const bool reset = background_.has_reset();
-  const Time free_at = now + span_of(request);
+  const bool reset = priority_of(request) == Priority::reset_run;
+  const bool in_gap = fits(request, now);
+  const bool holds = !in_gap && config_.eeprom_may_hold && holds_bus(request);
+  const Time span = span_of(request);
+  if (reset && resets_in_a_row_ < UINT8_MAX) ++resets_in_a_row_;
   send(request, Kind::background, now);
-  if (!scheduler_) return;
-  const std::uint32_t taken = scheduler_->give_way(free_at);
-  if (taken == 0) return;
-  saturating_increment(reset ? statistics_.displaced : statistics_.stolen, taken);
-  if (!reset) to_steal_ = taken * (config_.steal_every - 1U);
-  if (stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
+  if (!scheduler_ || hold_ != LineHold::none || in_gap) return;
+  const std::uint32_t taken = scheduler_->give_way(now + span);
+  saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
+  if (!reset && !holds) to_steal_ = std::max(taken, 1U) * (config_.steal_every - 1U);
+  if (stale_at_ == kNever) return;
+  if (holds) stale_at_ += span;  // announced: held for so long
+  publish(tracker_.hold(now, valid_for()));
 }
 
 /// What waits has waited for one more cyclic slot.
 template <Port P>
 void Bus<P>::slot_passed() noexcept {
-  const std::uint32_t most = std::max<std::uint32_t>(BackgroundQueue::kMostSlots, 4U * config_.steal_every);
-  const std::optional<Priority> starved = background_.on_slot_passed(most);
+  const std::optional<Priority> starved = background_.on_slot_passed(patience_);
   for (const Priority priority : {Priority::eeprom, Priority::diagnostics})
     statistics_.longest_wait = std::max(statistics_.longest_wait, background_.waited(priority));
   if (!starved) return;

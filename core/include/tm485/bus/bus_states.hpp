@@ -17,6 +17,8 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
     settle(now);
     return cycle_failed(reply.error(), now);
   }
+  // Held back for longer than a sample is good: by the port, or by an owner that did not call.
+  if (now > latch_time() + fresh_for_ + config_.max_hold) return cycle_failed(Errc::timeout, now);
   // Failures as long as a restart: the encoder may have begun to count anew.
   if (failed_in_a_row_ != 0 && now - last_good_ >= profile_->profile().boot_time_min)
     return cycle_failed(Errc::position_lost, now);
@@ -24,10 +26,19 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
   Sample& sample = latest_.draft();
   const Errc error = tracker_.update(*reply, latch_time(), latch_uncertainty(now), sample);
   if (error != Errc::ok) return cycle_failed(error, now);
-  stale_at_ = now + valid_for();
+  lease(now);
   const AlarmLevel alarm = sample.alarm();
   latest_.publish();
   cycle_good(*reply, alarm, now);
+}
+
+/// How long the sample of the exchange that has just been seen is good.
+template <Port P>
+void Bus<P>::lease(Time now) noexcept {
+  const Time t2_window = profile_->profile().t2_max - profile_->profile().t2_min;
+  const Time by_age = latch_time() + fresh_for_;
+  fresh_until_ = std::min(by_age, now + sample_gap() + capability_.jitter_margin + t2_window);
+  stale_at_ = std::min(by_age, now + sample_gap()) + config_.max_hold;
 }
 
 /// A good reply without a position, in a pattern that reads positions in other slots: turns, ENID and status are
@@ -132,7 +143,12 @@ void Bus<P>::shape_histograms() noexcept {
 /// Leaves the exchange under way and the offer, which is told.
 template <Port P>
 void Bus<P>::abandon() noexcept {
-  if (in_flight()) settling_ = true;  // its request may still be in the port
+  if (in_flight()) {
+    settling_ = true;                  // its request may still be in the port
+    if (!capability_.wire_timestamps)  // and may have left so much later than estimated
+      spacing_.hold_off(exchange_.start() + capability_.latency_allowance +
+                        profile_->t1(exchange_.request()));
+  }
   const bool sent = in_flight() && kind_ == Kind::background;
   exchange_.abandon();
   arrived_ = false;
@@ -144,9 +160,28 @@ void Bus<P>::abandon() noexcept {
 template <Port P>
 void Bus<P>::begin_startup(Time now) noexcept {
   abandon();
+  hold_ = LineHold::none;
+  if (scheduler_) scheduler_->pause();
   state_ = BusState::startup;
   publish(tracker_.forget());
   startup_.begin(now, capability_.latency_allowance);
+}
+
+template <Port P>
+void Bus<P>::hold_line(Time now, Time until, LineHold hold) noexcept {
+  if (state_ != BusState::running || hold == LineHold::none) return;
+  const bool begins = hold_ == LineHold::none;
+  hold_ = hold;
+  hold_until_ = until;
+  if (begins && stale_at_ != kNever && !in_flight()) publish(tracker_.hold(now, valid_for()));
+}
+
+template <Port P>
+void Bus<P>::release_line(Time now) noexcept {
+  if (hold_ == LineHold::none) return;
+  hold_ = LineHold::none;
+  if (scheduler_ && state_ == BusState::running)
+    saturating_increment(statistics_.displaced, scheduler_->give_way(now));
 }
 
 template <Port P>
@@ -167,12 +202,28 @@ void Bus<P>::on_restart(Time now) noexcept {
 template <Port P>
 std::expected<void, Errc> Bus<P>::offer(const Request& request, std::uint32_t ticket) noexcept {
   if (state_ != BusState::running) return std::unexpected(Errc::bad_state);
-  if (scheduler_ && priority_of(request) != Priority::reset_run) {
-    const Time span = span_of(request);
-    const bool can_steal = config_.steal_every != 0 && span <= config_.max_hold;
-    if (!scheduler_->has_gap_for(span) && !can_steal) return std::unexpected(Errc::no_gap);
-  }
+  const bool in_cycle =
+      scheduler_ && priority_of(request) != Priority::reset_run && hold_ != LineHold::no_cycle;
+  if (in_cycle && !scheduler_->has_gap_for(span_of(request)) && !may_take_slots(request))
+    return std::unexpected(Errc::no_gap);
+  const std::uint32_t every = config_.steal_every;
+  const std::uint32_t patience =
+      std::max({std::uint32_t{BackgroundQueue::kMostSlots}, 4 * every, to_steal_ + 2 * every});
+  patience_ = background_.empty() ? patience : std::max(patience_, patience);
   return background_.offer(request, ticket);
+}
+
+/// May a request that fits into no gap have slots of the cycle? Only if neither the sample becomes invalid meanwhile nor
+/// the shaft can turn so far that its position is lost.
+template <Port P>
+bool Bus<P>::may_take_slots(const Request& request) const noexcept {
+  const bool may_hold = config_.eeprom_may_hold && holds_bus(request);
+  if (!may_hold && config_.steal_every == 0) return false;
+  const Time span = span_of(request);
+  if (!may_hold && sample_gap() + span > config_.max_hold) return false;
+  const Time unknown = profile_->profile().latch_uncertainty * 2 + capability_.jitter_margin * 2;
+  const Time alone = scheduler_->unwrap_gap();
+  return alone == Time{0} || 2 * alone + span + unknown < tracker_.unwrap_limit();
 }
 
 template <Port P>
@@ -180,7 +231,9 @@ void Bus<P>::finish_background(Time now) noexcept {
   saturating_increment(statistics_.background);
   std::expected<Reply, Errc> result = std::unexpected(exchange_.error());
   if (exchange_.error() == Errc::ok) result = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
+  std::optional<Reply> heard;
   if (result) {
+    heard = *result;
     const Frame& frame = result->frame();
     const bool eeprom = frame.fields().adf_at != 0;
     if (eeprom && frame.address() != exchange_.request().address()) {
@@ -190,7 +243,7 @@ void Bus<P>::finish_background(Time now) noexcept {
     }
   }
   record(result ? Errc::ok : result.error(), now);
-  background_.complete(priority_of(exchange_.request()), result);
+  background_.complete(priority_of(exchange_.request()), result, heard);
 }
 
 }  // namespace tm485

@@ -60,6 +60,8 @@ class Scheduler {
 
   /// The pattern begins, at `first` or at the next instant of its phase.
   void begin(Time first) noexcept;
+  /// No pattern runs, until begin(). The servo clock is followed all the same.
+  void pause() noexcept { running_ = false; }
   /// The slot that is next.
   [[nodiscard]] Time slot() const noexcept { return slot_; }
   /// What is read in it.
@@ -140,6 +142,7 @@ class Scheduler {
   DataId id_ = DataId::everything;
   std::uint8_t step_ = 0;
   bool free_ = false;
+  bool running_ = false;
   bool uniform_;  ///< one step and no servo clock
   bool locked_;
   bool reads_position_ = false;

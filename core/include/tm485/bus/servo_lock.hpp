@@ -33,8 +33,10 @@ class ServoLock {
   /// is the first one, which moves the grid the whole way.
   std::optional<Time> on_tick(Time tick) noexcept;
 
-  /// The pattern starts at `start`: the grid begins here.
-  void begin(Time start) noexcept;
+  /// The grid begins at `first`, or, if ticks have told the phase already, at the next instant that has it. Answers it.
+  [[nodiscard]] Time begin(Time first) noexcept;
+  /// While no pattern runs: the grid goes along with the ticks, call it before on_tick().
+  void follow(Time tick) noexcept;
   /// `patterns` later. Answers the start that is due then.
   Time advance(std::int64_t patterns) noexcept;
 

@@ -72,7 +72,7 @@ class TimeStatistic {
   Time maximum_ = -kNever;
   Time sum_{0};
   std::uint32_t count_ = 0;
-  std::uint32_t spare_ = 0;  ///< no padding
+  [[maybe_unused]] std::uint32_t spare_ = 0;  ///< no padding
   Histogram histogram_;
 };
 
@@ -85,8 +85,9 @@ struct Statistics {
   std::uint32_t skipped = 0;     ///< phase-locked grid: slots that were missed and left out
   std::uint32_t background = 0;  ///< background exchanges, good or failed
   std::uint32_t stolen = 0;      ///< cyclic slots that went to a background exchange (BusConfig::steal_every)
-  std::uint32_t displaced = 0;   ///< cyclic slots that went to a reset request
-  std::uint32_t starved = 0;     ///< background requests that waited too long and ended with no_gap
+  std::uint32_t displaced =
+      0;                      ///< cyclic slots that went to resets, or to an EEPROM write that holds the bus
+  std::uint32_t starved = 0;  ///< background requests that waited too long and ended with no_gap
   std::uint32_t longest_wait = 0;  ///< of a background request, in cyclic slots
   std::uint32_t startups = 0;      ///< start-up sequences that succeeded
   std::uint32_t startup_failures = 0;

@@ -1,0 +1,165 @@
+// ResetRun: ten identical reset requests in a row, and the proof that they did what they should.
+//
+//   standstill (zero only) -> ten requests, nothing between them -> settle time -> read back
+//
+// A state machine without I/O, as EepromManager: next() says what to send, on_completion() takes what came of it;
+// drive() ties it to a bus and keeps the cycle off the line meanwhile. Specification: section 6.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <optional>
+
+#include "tm485/bus/background.hpp"
+#include "tm485/bus/bus.hpp"
+#include "tm485/errc.hpp"
+#include "tm485/protocol/profile.hpp"
+#include "tm485/protocol/request.hpp"
+#include "tm485/protocol/status.hpp"
+#include "tm485/time.hpp"
+
+namespace tm485 {
+
+enum class ResetKind : std::uint8_t {
+  errors,  ///< ID7: latched error bits
+  zero,  ///< ID8: the present single-turn position becomes zero; the motor's electrical alignment moves with it
+  multi_turn,  ///< IDC: error bits and the turn count
+};
+
+[[nodiscard]] constexpr DataId reset_id(ResetKind kind) noexcept {
+  return kind == ResetKind::errors ? DataId::reset_errors
+         : kind == ResetKind::zero ? DataId::reset_single_turn
+                                   : DataId::reset_multi_turn;
+}
+
+enum class ResetVerdict : std::uint8_t {
+  verified,        ///< done, and read back
+  cause_persists,  ///< done, but these bits are set again or still: their cause lasts
+  refused,         ///< not begun, or begun without effect: `code` says why
+  failed,          ///< the line failed; what the encoder did is not known
+};
+
+struct ResetOutcome {
+  ResetVerdict verdict = ResetVerdict::failed;
+  Errc code = Errc::ok;   ///< refused: shaft_moves, busy, reset_without_effect; failed: the last error
+  StatusSet persisting;   ///< cause_persists: the bits
+  std::uint8_t runs = 0;  ///< runs that were begun: more than one after an interruption
+
+  // What ID3 said before and after.
+  std::uint32_t abs_before = 0;
+  std::uint32_t abs_after = 0;
+  std::int32_t turns_before = 0;
+  std::int32_t turns_after = 0;
+  StatusSet status_before;
+  StatusSet status_after;
+};
+
+struct ResetConfig {
+  /// zero: the shaft stands still if it has moved by no more than this, in counts, over `window`. 0: 2^-15 of a turn, at
+  /// least 2.
+  std::uint32_t standstill = 0;
+  Time window = std::chrono::milliseconds(50);
+  /// zero: read back within this of 0, in counts. 0: four times `standstill`.
+  std::uint32_t tolerance = 0;
+  std::uint8_t most_runs = 5;  ///< an interrupted run starts again from zero, so often in all
+};
+
+/// One owner: the context of the bus. Every function: constant time.
+class ResetRun {
+ public:
+  /// `profile` must outlive the run.
+  explicit ResetRun(const CompiledProfile& profile, const ResetConfig& config = {}) noexcept;
+  explicit ResetRun(const CompiledProfile&& profile, const ResetConfig& config = {}) = delete;
+
+  /// Begins. Errors: busy while one is active. The caller sees to it that no EEPROM task is open.
+  [[nodiscard]] std::expected<void, Errc> start(ResetKind kind) noexcept;
+  [[nodiscard]] bool active() const noexcept { return stage_ != Stage::idle; }
+  /// How the last run ended; nothing while one is active, or before the first.
+  [[nodiscard]] const std::optional<ResetOutcome>& outcome() const noexcept { return outcome_; }
+  [[nodiscard]] ResetKind kind() const noexcept { return kind_; }
+
+  // The driver's side.
+  [[nodiscard]] std::optional<Request> next(Time now) noexcept;
+  /// When next() has something, at the earliest; kNever while a request is under way or nothing is to be done.
+  [[nodiscard]] Time due() const noexcept { return active() && !under_way_ ? wait_until_ : kNever; }
+  [[nodiscard]] bool under_way() const noexcept { return under_way_; }
+  /// The class of the request that is under way.
+  [[nodiscard]] Priority priority() const noexcept {
+    return stage_ == Stage::run ? Priority::reset_run : Priority::diagnostics;
+  }
+  void on_completion(const Completion& completion, Time now) noexcept;
+  void on_refused(Errc cause, Time now) noexcept;
+
+  /// The ten are being sent: nothing else may go to the line.
+  [[nodiscard]] bool needs_line() const noexcept { return stage_ == Stage::run; }
+  /// The position is not what it was before: the cycle must not go on before start-up was gone through again.
+  [[nodiscard]] bool holds_cycle() const noexcept {
+    return stage_ == Stage::run || stage_ == Stage::interrupt || stage_ == Stage::verify;
+  }
+
+ private:
+  enum class Stage : std::uint8_t {
+    idle,
+    before,     ///< ID3: what it is now, and whether the shaft stands still
+    run,        ///< the ten
+    interrupt,  ///< ID3: another request, so that the encoder forgets what it has counted
+    verify,     ///< ID3, after the settle time
+  };
+  static constexpr std::uint8_t kMostTries = 12;
+  static constexpr Time kLookEvery = std::chrono::milliseconds(5);
+
+  void on_reply(const Frame& frame, Time now) noexcept;
+  void on_failure(Errc cause, Time now) noexcept;
+  void look_before(const Frame& frame, Time now) noexcept;
+  void judge(const Frame& frame) noexcept;
+  void begin_run(Time now) noexcept;
+  void end(ResetVerdict verdict, Errc code = Errc::ok) noexcept;
+  [[nodiscard]] std::int64_t abs_distance(std::uint32_t a, std::uint32_t b) const noexcept;
+  [[nodiscard]] std::int32_t turns_of(const Frame& frame) const noexcept;
+
+  const CompiledProfile* profile_;
+  ResetConfig config_;
+  ResetKind kind_ = ResetKind::errors;
+  Stage stage_ = Stage::idle;
+  bool under_way_ = false;
+  bool seen_before_ = false;
+  std::uint8_t sent_ = 0;  ///< of the ten, with a good reply
+  std::uint8_t tries_ = 0;
+  Time wait_until_{0};
+  Time window_end_{0};
+  ResetOutcome result_;
+  std::optional<ResetOutcome> outcome_;
+};
+
+/// Of its requests, beside those of an Axis, which count from 1.
+inline constexpr std::uint32_t kResetRunTicket = 0xFFFF'FF01;
+
+/// Moves a run on by what the bus has for it, and gives the bus what is next. In the bus's context, after each poll.
+/// Answers when to call again at the latest, besides after polls.
+template <Port P>
+Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
+  if (run.under_way()) {
+    const auto completion = bus.take_completion(run.priority(), kResetRunTicket);
+    if (!completion) return kNever;
+    const bool held = run.holds_cycle();
+    run.on_completion(*completion, now);
+    if (held && !run.active()) {
+      bus.release_line(now);
+      // Zero and turns were moved under the tracker's feet.
+      if (run.kind() != ResetKind::errors) bus.on_restart(now);
+    }
+  }
+  if (const auto request = run.next(now)) {
+    // For a look before the run one slot is enough; the run itself, and what follows, keep the cycle off the line.
+    constexpr Time kOneLook{200'000};
+    constexpr Time kLongest = std::chrono::seconds(2);
+    bus.hold_line(now, now + (run.holds_cycle() ? kLongest : kOneLook),
+                  run.needs_line() ? LineHold::resets_only : LineHold::no_cycle);
+    if (const auto offered = bus.offer(*request, kResetRunTicket); !offered)
+      run.on_refused(offered.error(), now);
+  }
+  if (!run.active()) bus.release_line(now);
+  return run.due();
+}
+
+}  // namespace tm485

@@ -1,0 +1,142 @@
+#include "tm485/bus/reset_run.hpp"
+
+#include <algorithm>
+
+namespace tm485 {
+
+ResetRun::ResetRun(const CompiledProfile& profile, const ResetConfig& config) noexcept
+    : profile_(&profile), config_(config) {
+  const unsigned bits = profile.profile().single_turn_bits;
+  if (config_.standstill == 0) config_.standstill = std::max(2U, bits > 15 ? 1U << (bits - 15) : 1U);
+  if (config_.tolerance == 0) config_.tolerance = 4 * config_.standstill;
+  config_.most_runs = std::max<std::uint8_t>(config_.most_runs, 1);
+}
+
+std::expected<void, Errc> ResetRun::start(ResetKind kind) noexcept {
+  if (active()) return std::unexpected(Errc::busy);
+  kind_ = kind;
+  stage_ = Stage::before;
+  seen_before_ = false;
+  tries_ = 0;
+  sent_ = 0;
+  wait_until_ = Time{0};
+  result_ = {};
+  outcome_.reset();
+  return {};
+}
+
+std::optional<Request> ResetRun::next(Time now) noexcept {
+  if (!active() || under_way_ || now < wait_until_) return std::nullopt;
+  under_way_ = true;
+  return *Request::make(stage_ == Stage::run ? reset_id(kind_) : DataId::everything);
+}
+
+void ResetRun::on_refused(Errc cause, Time now) noexcept {
+  under_way_ = false;
+  if (cause == Errc::no_gap) return end(ResetVerdict::refused, cause);
+  on_failure(cause, now);
+}
+
+void ResetRun::on_completion(const Completion& completion, Time now) noexcept {
+  under_way_ = false;
+  if (!active()) return;
+  if (!completion.result) return on_failure(completion.result.error(), now);
+  on_reply(completion.result->frame(), now);
+}
+
+void ResetRun::on_failure(Errc cause, Time now) noexcept {
+  // Against noise at once, against an encoder that boots slowly.
+  wait_until_ = now + (tries_ < 3 ? Time{0} : profile_->profile().power_up_time / 4);
+  if (stage_ == Stage::run) {
+    // It may have counted this one, or not: another request makes it forget.
+    stage_ = Stage::interrupt;
+    if (result_.runs >= config_.most_runs) return end(ResetVerdict::failed, cause);
+  }
+  if (++tries_ > kMostTries) end(ResetVerdict::failed, cause);
+}
+
+void ResetRun::on_reply(const Frame& frame, Time now) noexcept {
+  tries_ = 0;
+  switch (stage_) {
+    case Stage::before:
+      return look_before(frame, now);
+    case Stage::interrupt:
+      return begin_run(now);
+    case Stage::run: {
+      const Profile& p = profile_->profile();
+      if (++sent_ < p.reset_count) return;
+      stage_ = Stage::verify;
+      wait_until_ = now + (kind_ == ResetKind::zero ? p.reset_zero_settle + kLookEvery : kLookEvery);
+      return;
+    }
+    case Stage::verify:
+      return judge(frame);
+    case Stage::idle:
+      return;
+  }
+}
+
+void ResetRun::begin_run(Time now) noexcept {
+  stage_ = Stage::run;
+  sent_ = 0;
+  ++result_.runs;
+  wait_until_ = now;
+}
+
+/// What ID3 says before; for zero, over a window, whether the shaft stands still.
+void ResetRun::look_before(const Frame& frame, Time now) noexcept {
+  if (!seen_before_) {
+    seen_before_ = true;
+    result_.abs_before = frame.abs();
+    result_.turns_before = turns_of(frame);
+    result_.status_before = frame.status();
+    window_end_ = now + config_.window;
+  }
+  if (kind_ != ResetKind::zero) return begin_run(now);
+  if (abs_distance(frame.abs(), result_.abs_before) > static_cast<std::int64_t>(config_.standstill))
+    return end(ResetVerdict::refused, Errc::shaft_moves);
+  if (now >= window_end_) return begin_run(now);
+  wait_until_ = now + kLookEvery;
+}
+
+void ResetRun::judge(const Frame& frame) noexcept {
+  const Profile& p = profile_->profile();
+  result_.abs_after = frame.abs();
+  result_.turns_after = turns_of(frame);
+  result_.status_after = frame.status();
+  if (kind_ == ResetKind::zero) {
+    const bool at_zero = abs_distance(frame.abs(), 0) <= static_cast<std::int64_t>(config_.tolerance);
+    return at_zero ? end(ResetVerdict::verified) : end(ResetVerdict::refused, Errc::reset_without_effect);
+  }
+  if (kind_ == ResetKind::multi_turn && p.multi_turn_bits != 0) {
+    const std::int64_t off = std::int64_t{result_.turns_after} - p.multi_turn_start;
+    // A shaft that stands on the seam of two turns may have crossed it.
+    if (off > 1 || off < -1) return end(ResetVerdict::refused, Errc::reset_without_effect);
+  }
+  // What the document reserves is no alarm.
+  const StatusSet reserved = p.reserved_status;
+  const StatusSet left(static_cast<std::uint8_t>(frame.status().sf() & ~reserved.sf()),
+                       static_cast<std::uint8_t>(frame.status().almc() & ~reserved.almc()));
+  if (left.empty() || p.alarms.level(left) == AlarmLevel::none) return end(ResetVerdict::verified);
+  result_.persisting = left;
+  end(ResetVerdict::cause_persists);
+}
+
+void ResetRun::end(ResetVerdict verdict, Errc code) noexcept {
+  result_.verdict = verdict;
+  result_.code = code;
+  outcome_ = result_;
+  stage_ = Stage::idle;
+}
+
+std::int64_t ResetRun::abs_distance(std::uint32_t a, std::uint32_t b) const noexcept {
+  const std::int64_t distance = Frame::sign_extend(a - b, profile_->profile().single_turn_bits);
+  return distance < 0 ? -distance : distance;
+}
+
+std::int32_t ResetRun::turns_of(const Frame& frame) const noexcept {
+  const unsigned bits = profile_->profile().multi_turn_bits;
+  return bits == 0 ? 0 : frame.turns(bits);
+}
+
+}  // namespace tm485
