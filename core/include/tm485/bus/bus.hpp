@@ -114,9 +114,9 @@ class Bus {
     if (state_ != BusState::stopped && scheduler_) scheduler_->on_servo_tick(tick, statistics_);
   }
 
-  /// The cycle leaves the line alone until release_line(), or until `until`; its slots count as displaced and the sample is
-  /// held. Again: replaces the hold before. Ends by itself with a start-up.
-  void hold_line(Time now, Time until, LineHold hold) noexcept;
+  /// The cycle leaves the line alone until release_line(), or until `until`; its slots count as displaced, and the sample is
+  /// held from the first exchange on. Again: replaces the hold before. Ends by itself with a start-up.
+  void hold_line(Time until, LineHold hold) noexcept;
   void release_line(Time now) noexcept;
   [[nodiscard]] LineHold line_hold() const noexcept { return hold_; }
 
@@ -228,6 +228,7 @@ class Bus {
   std::optional<Scheduler> scheduler_;
   RequestSpacing spacing_;
   Exchange exchange_;
+  Request cyclic_request_ = *Request::make(DataId::everything);
   BackgroundQueue background_;
   std::optional<StartupError> startup_error_;
   BusState state_ = BusState::stopped;

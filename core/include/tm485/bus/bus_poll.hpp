@@ -109,8 +109,9 @@ Time Bus<P>::next_due(Time now) const noexcept {
 /// The background request that may go out at `start`, ahead of the cycle or in its free time.
 template <Port P>
 const Request* Bus<P>::candidate(Time start) const noexcept {
+  if (background_.empty()) [[likely]]
+    return nullptr;
   const Request* const waiting = background_.next();
-  if (waiting == nullptr) return nullptr;
   // A run of resets goes first, but not one run after the other for ever.
   const bool unlimited = !scheduler_ || hold_ != LineHold::none;
   if (background_.has_reset() && (unlimited || resets_in_a_row_ < profile_->profile().reset_count))
@@ -157,14 +158,15 @@ void Bus<P>::begin_due(Time now) noexcept {
   if (hold_ != LineHold::none && now >= hold_until_) release_line(now);
   if (const Request* const first = candidate(now)) return begin_background(*first, now);
   if (!scheduler_ || hold_ != LineHold::none || now < scheduler_->slot()) return;
-  const Request* const waiting = background_.next();
-  if (waiting != nullptr) [[unlikely]] {
-    if (may_steal(*waiting)) return begin_background(*waiting, now);
+  if (!background_.empty()) [[unlikely]] {
+    const Request& waiting = *background_.next();
+    if (may_steal(waiting)) return begin_background(waiting, now);
     slot_passed();
   }
   if (to_steal_ != 0) --to_steal_;
   resets_in_a_row_ = 0;
-  send(*Request::make(scheduler_->id()), Kind::cyclic, now);
+  if (cyclic_request_.id() != scheduler_->id()) cyclic_request_ = *Request::make(scheduler_->id());
+  send(cyclic_request_, Kind::cyclic, now);
 }
 
 /// The cyclic slots that it takes fall out; their cycles show the held sample.
@@ -176,10 +178,11 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
   const Time span = span_of(request);
   if (reset && resets_in_a_row_ < UINT8_MAX) ++resets_in_a_row_;
   send(request, Kind::background, now);
+  if (hold_ != LineHold::none && stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
   if (!scheduler_ || hold_ != LineHold::none || in_gap) return;
   const std::uint32_t taken = scheduler_->give_way(now + span);
   saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
-  if (!reset && !holds) to_steal_ = std::max(taken, 1U) * (config_.steal_every - 1U);
+  if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
   if (stale_at_ == kNever) return;
   if (holds) stale_at_ += span;  // announced: held for so long
   publish(tracker_.hold(now, valid_for()));

@@ -168,12 +168,10 @@ void Bus<P>::begin_startup(Time now) noexcept {
 }
 
 template <Port P>
-void Bus<P>::hold_line(Time now, Time until, LineHold hold) noexcept {
+void Bus<P>::hold_line(Time until, LineHold hold) noexcept {
   if (state_ != BusState::running || hold == LineHold::none) return;
-  const bool begins = hold_ == LineHold::none;
   hold_ = hold;
   hold_until_ = until;
-  if (begins && stale_at_ != kNever && !in_flight()) publish(tracker_.hold(now, valid_for()));
 }
 
 template <Port P>

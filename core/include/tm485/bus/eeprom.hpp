@@ -198,7 +198,8 @@ using EepromManager = BasicEepromManager<>;
 inline constexpr std::uint32_t kEepromTicket = 0xFFFF'FF00;
 
 /// Moves a manager on by what the bus has for it, and gives the bus what is next. In the bus's context, after each
-/// poll. Answers when to call again at the latest, besides after polls.
+/// poll. Answers when to poll the bus and call again at the latest: not after `now` if it has
+/// offered something.
 template <class Discipline, Port P>
 Time drive(BasicEepromManager<Discipline>& manager, Bus<P>& bus, Time now) noexcept {
   if (manager.under_way()) {
@@ -208,8 +209,9 @@ Time drive(BasicEepromManager<Discipline>& manager, Bus<P>& bus, Time now) noexc
   }
   if (bus.state() != BusState::running) manager.on_restart();
   if (const auto request = manager.next(now)) {
-    if (const auto offered = bus.offer(*request, kEepromTicket); !offered)
-      manager.on_refused(offered.error(), now);
+    const auto offered = bus.offer(*request, kEepromTicket);
+    if (offered) return now;
+    manager.on_refused(offered.error(), now);
   }
   return manager.due();
 }

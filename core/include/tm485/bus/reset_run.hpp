@@ -135,7 +135,8 @@ class ResetRun {
 inline constexpr std::uint32_t kResetRunTicket = 0xFFFF'FF01;
 
 /// Moves a run on by what the bus has for it, and gives the bus what is next. In the bus's context, after each poll.
-/// Answers when to call again at the latest, besides after polls.
+/// Answers when to poll the bus and call again at the latest: not after `now` if it has
+/// offered something.
 template <Port P>
 Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
   if (run.under_way()) {
@@ -153,10 +154,11 @@ Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
     // For a look before the run one slot is enough; the run itself, and what follows, keep the cycle off the line.
     constexpr Time kOneLook{200'000};
     constexpr Time kLongest = std::chrono::seconds(2);
-    bus.hold_line(now, now + (run.holds_cycle() ? kLongest : kOneLook),
+    bus.hold_line(now + (run.holds_cycle() ? kLongest : kOneLook),
                   run.needs_line() ? LineHold::resets_only : LineHold::no_cycle);
-    if (const auto offered = bus.offer(*request, kResetRunTicket); !offered)
-      run.on_refused(offered.error(), now);
+    const auto offered = bus.offer(*request, kResetRunTicket);
+    if (offered) return now;
+    run.on_refused(offered.error(), now);
   }
   if (!run.active()) bus.release_line(now);
   return run.due();
