@@ -117,9 +117,10 @@ void ResetRun::judge(const Frame& frame) noexcept {
   const StatusSet reserved = p.reserved_status;
   const StatusSet left(static_cast<std::uint8_t>(frame.status().sf() & ~reserved.sf()),
                        static_cast<std::uint8_t>(frame.status().almc() & ~reserved.almc()));
-  if (left.empty() || p.alarms.level(left) == AlarmLevel::none) return end(ResetVerdict::verified);
   result_.persisting = left;
-  end(ResetVerdict::cause_persists);
+  // Bits that the profile's policy ignores (those of a battery that is not there) are named, but no failure.
+  const bool good = left.empty() || p.alarms.level(left) == AlarmLevel::none;
+  end(good ? ResetVerdict::verified : ResetVerdict::cause_persists);
 }
 
 void ResetRun::end(ResetVerdict verdict, Errc code) noexcept {

@@ -7,6 +7,7 @@
 #include "problem.hpp"
 #include "stop_signal.hpp"
 #include "tm485/version.hpp"
+#include "usage_eeprom.hpp"
 
 namespace {
 
@@ -30,6 +31,8 @@ struct Commands {
   SimCommandOptions sim;
   RtCheckOptions rt_check;
   ServoDemoOptions servo_demo;
+  EepromOptions eeprom;
+  ResetOptions reset;
   bool profiles_json = false;
 };
 
@@ -254,10 +257,12 @@ int run(const CLI::App& app, const Commands& commands) {
   const auto chosen = [&app](const char* name) { return app.got_subcommand(name); };
   for (const std::string* profile :
        {&commands.decode.profile, &commands.info.port.profile, &commands.read.port.profile,
-        &commands.monitor.port.profile, &commands.bench.port.profile, &commands.sim.profile}) {
+        &commands.monitor.port.profile, &commands.bench.port.profile, &commands.eeprom.port.profile,
+        &commands.reset.port.profile, &commands.sim.profile}) {
     if (*profile == "list")
       return run_profiles(commands.decode.json || commands.info.port.json || commands.read.port.json ||
-                          commands.monitor.port.json || commands.bench.port.json);
+                          commands.monitor.port.json || commands.bench.port.json ||
+                          commands.eeprom.port.json || commands.reset.port.json);
   }
   if (chosen("decode")) return run_decode(commands.decode);
   if (chosen("info")) return run_info(commands.info);
@@ -267,6 +272,8 @@ int run(const CLI::App& app, const Commands& commands) {
   if (chosen("sim")) return run_sim(commands.sim);
   if (chosen("rt-check")) return run_rt_check(commands.rt_check);
   if (chosen("servo-demo")) return run_servo_demo(commands.servo_demo);
+  if (chosen("eeprom")) return run_eeprom(app, commands.eeprom);
+  if (chosen("reset")) return run_reset(commands.reset);
   return run_profiles(commands.profiles_json);
 }
 
@@ -295,6 +302,8 @@ int main(int argc, char** argv) {
   add_sim(app, commands);
   add_rt_check(app, commands);
   add_servo_demo(app, commands);
+  add_eeprom(app, commands.eeprom, add_port_options);
+  add_reset(app, commands.reset, add_port_options);
   CLI::App& profiles = *app.add_subcommand("profiles", "The preset profiles");
   profiles.add_flag("--json", commands.profiles_json, "One JSON object a profile, times in ns");
   profiles.footer("Example:\n  tm485 profiles --json");

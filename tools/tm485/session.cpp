@@ -64,7 +64,8 @@ std::expected<SessionOptions, Problem> with_max_speed(SessionOptions options) {
 
 BusConfig bus_config(const SessionOptions& options, const AxisConfig& axis, Time period) {
   BusConfig config;
-  config.cycle = Cycle{options.cycle.id, period};
+  config.cycle = std::nullopt;
+  if (options.cyclic) config.cycle = Cycle{options.cycle.id, period};
   config.axis = axis;
   // A failed cycle shows the held sample until the encoder is given up, however long the time-outs are.
   config.max_hold = std::chrono::seconds(1);

@@ -24,6 +24,7 @@ struct SessionOptions {
   Units units = Units::counts;
   std::int32_t max_speed_rpm = AxisConfig{}.max_speed_rpm;  ///< replaced by that of `port`, if it names one
   bool virtual_time = false;
+  bool cyclic = true;  ///< false: no cycle, the bus is there for background exchanges only
 };
 
 /// One owner, one thread. Not movable: the bus points at its neighbours.
@@ -58,7 +59,7 @@ class Session {
   [[nodiscard]] const PortCapability& capability() const noexcept { return capability_; }
   [[nodiscard]] const CompiledProfile& profile() const noexcept { return profile_; }
   [[nodiscard]] const AxisConfig& axis() const noexcept { return axis_; }
-  /// Id and period, as the scheduler holds them.
+  /// Id and period, as the scheduler holds them. Only with a cycle.
   [[nodiscard]] const Scheduler& scheduler() const noexcept { return *bus_->scheduler(); }
   /// Records that step() could not show, because two were made at once.
   [[nodiscard]] std::uint32_t unseen_records() const noexcept { return unseen_; }

@@ -1,0 +1,88 @@
+#include "eeprom_runner.hpp"
+
+#include <fmt/format.h>
+
+#include "stop_signal.hpp"
+
+namespace tm485::cli {
+namespace {
+
+/// After Ctrl-C the manager ends behind its byte. One whose encoder is silent gives up by itself before that.
+constexpr Time kLongestCancel = std::chrono::seconds(20);
+
+}  // namespace
+
+EepromRunner::EepromRunner(Session& session)
+    : session_(&session),
+      shape_(shape_of(session.profile().profile())),
+      value_(shape_.size()),
+      known_(std::make_unique<bool[]>(shape_.size())),
+      manager_(session.profile(), {std::span(value_), std::span(known_.get(), shape_.size())}) {}
+
+std::expected<void, Problem> EepromRunner::read(unsigned first, std::span<std::uint8_t> to,
+                                                std::string_view label) {
+  return run(manager_.start_read(first, to), label);
+}
+
+std::expected<void, Problem> EepromRunner::write(unsigned first, std::span<const std::uint8_t> from,
+                                                 std::string_view label) {
+  return run(manager_.start_write(first, from), label);
+}
+
+std::expected<void, Problem> EepromRunner::run(std::expected<void, Errc> started, std::string_view label) {
+  if (!started) return std::unexpected(problem_of(started.error()));
+  const Time begin = session_->now();
+  auto result = drive_to_end(label);
+  duration_ = session_->now() - begin;
+  bar_.clear();
+  const EepromProgress& progress = manager_.progress();
+  totals_.writes += progress.writes;
+  totals_.page_selects += progress.page_selects;
+  totals_.retries += progress.retries;
+  totals_.repaired += progress.repaired;
+  return result;
+}
+
+std::expected<void, Problem> EepromRunner::drive_to_end(std::string_view label) {
+  Time give_up = kNever;
+  while (true) {
+    const Time now = session_->now();
+    const Time due = drive(manager_, session_->bus(), now);
+    if (!manager_.active()) break;
+    if (stop_requested() && give_up == kNever) {
+      manager_.cancel();
+      give_up = now + kLongestCancel;
+    }
+    if (now >= give_up)
+      return std::unexpected(
+          Problem{"stopped", "stopped; the encoder did not answer any more", {}, kExitFailure});
+    const EepromProgress& progress = manager_.progress();
+    bar_.show(label, progress.done, progress.total, manager_.time_left(), now);
+    (void)session_->step(due);
+    if (auto problem = session_->failure()) {
+      problem->cause += fmt::format(" after {} of {} bytes", progress.done, progress.total);
+      return std::unexpected(std::move(*problem));
+    }
+  }
+  const EepromError& outcome = *manager_.outcome();
+  if (outcome.code == Errc::ok) return {};
+  return std::unexpected(problem_of_outcome(outcome));
+}
+
+Problem EepromRunner::problem_of_outcome(const EepromError& outcome) const {
+  const EepromProgress& progress = manager_.progress();
+  if (outcome.code == Errc::abandoned)
+    return {"stopped",
+            fmt::format("stopped after {} of {} bytes", progress.done, progress.total),
+            {},
+            kExitFailure};
+  std::string where =
+      fmt::format("{}: page {}, address {}", session_->port().text(), outcome.page, outcome.address);
+  if (outcome.code == Errc::eeprom_mismatch)
+    where += fmt::format(" (wanted {:02X}, found {:02X})", outcome.wanted, outcome.found);
+  Problem problem = problem_of(outcome.code, where);
+  problem.exit_code = kExitFailure;
+  return problem;
+}
+
+}  // namespace tm485::cli
