@@ -41,8 +41,9 @@ enum class ResetVerdict : std::uint8_t {
 
 struct ResetOutcome {
   ResetVerdict verdict = ResetVerdict::failed;
-  Errc code = Errc::ok;   ///< refused: shaft_moves, busy, reset_without_effect; failed: the last error
-  StatusSet persisting;   ///< cause_persists: the bits
+  Errc code = Errc::ok;  ///< refused: shaft_moves, busy, reset_without_effect; failed: the last error
+  StatusSet
+      persisting;  ///< error bits that are set again or still; with `verified` only what the policy ignores
   std::uint8_t runs = 0;  ///< runs that were begun: more than one after an interruption
 
   // What ID3 said before and after.
