@@ -186,6 +186,12 @@ class OnePage : public testing::Test {
   [[nodiscard]] Process::Arguments simulator() const {
     return {"--unix", folder_.path("socket"), "--eeprom", eeprom_, "--eeprom-pages", "1"};
   }
+  /// One whose cells are so slow that a test which is held up for seconds still comes in the middle.
+  [[nodiscard]] Process::Arguments slow_simulator() const {
+    Process::Arguments arguments = simulator();
+    arguments.insert(arguments.end(), {"--eeprom-write", "60ms"});
+    return arguments;
+  }
   [[nodiscard]] Process::Arguments command(const Process::Arguments& more) const {
     Process::Arguments all{"--yes", "--json", "--profile", profile_};
     all.insert(all.end(), more.begin(), more.end());
@@ -257,7 +263,7 @@ TEST_F(OnePage, AnotherEncoderOrAnotherImageIsRefused) {
 }
 
 TEST_F(OnePage, CtrlCSaysWhatWasDoneAndUndoBringsItBack) {
-  Simulator simulator(this->simulator());
+  Simulator simulator(slow_simulator());
   Process process(command({}));
   wait_for_first_bytes();
   process.send_signal(SIGINT);
@@ -274,7 +280,7 @@ TEST_F(OnePage, CtrlCSaysWhatWasDoneAndUndoBringsItBack) {
 
 TEST_F(OnePage, ASimulatorThatIsKilledIsNoticedAndResumed) {
   {
-    Simulator simulator(this->simulator());
+    Simulator simulator(slow_simulator());
     Process process(command({}));
     wait_for_first_bytes();
     simulator.process().send_signal(SIGKILL);
@@ -292,7 +298,7 @@ TEST_F(OnePage, ASimulatorThatIsKilledIsNoticedAndResumed) {
 }
 
 TEST_F(OnePage, ACommandThatIsKilledIsResumed) {
-  Simulator simulator(this->simulator());
+  Simulator simulator(slow_simulator());
   {
     Process process(command({}));
     wait_for_first_bytes();
