@@ -92,7 +92,13 @@ int main() {
 
   // Start. The axis belongs to the bus's context, a thread or a timer interrupt; its client to the servo loop.
   tm485::Axis axis(encoder.port(), *profile, setup);
-  if (!axis.start(Time{0})) return 1;  // the pattern cannot be kept; the error says why and what could
+  // A pattern that cannot be kept is refused: why, and what could.
+  if (const auto started = axis.start(Time{0}); !started) {
+    const auto& why = tm485::describe(started.error().code);
+    std::printf("refused: %s; nearest possible: %lld ns\n", why.cause.data(),
+                static_cast<long long>(started.error().nearest.count()));
+    return 1;
+  }
   ServoLoop loop{axis.client()};
 
   Time tick = kPeriod;

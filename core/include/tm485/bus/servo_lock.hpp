@@ -1,7 +1,8 @@
 // ServoLock: keeps the pattern's start at a given phase of a servo clock, whatever the two clocks' drift.
 //
 // A second-order loop. The oscillator is the grid itself: the start of the pattern plus its length. Each tick tells
-// by how much the start is off; an eighth of it moves the start, a 256th the length. A tick that was stamped late
+// by how much the start is off; an eighth of it moves the start, a 256th the length (of a pattern with many ticks at most
+// a sixteenth in all: they tell one error again and again before it is corrected once). A tick that was stamped late
 // (an interrupt that waited) counts at most for a sixteenth of the period. Nothing here knows T1: the grid may ask
 // for what it likes, RequestSpacing keeps T1. Specification: section 4.
 #pragma once
