@@ -183,6 +183,8 @@ void Axis<P>::on_sample(const Sample& sample, Time now) noexcept {
       return validity_.on_good();
     case Quality::held:
     case Quality::extrapolated:
+      // A hold that was announced has begun: the bus lets the sample be good for so much longer.
+      if (bus_.valid_until() != kNever) valid_until_ = std::max(valid_until_, bus_.valid_until());
       // A good reply without a position is no missing one: the pattern brings the next position in its time.
       if (bus_.last_record().kind == CycleRecord::Kind::cyclic && bus_.last_record().result == Errc::ok &&
           layout(bus_.last_record().id).abs_at == 0)

@@ -43,7 +43,8 @@ struct BusConfig {
   /// them for longer than max_hold.
   std::uint16_t steal_every = 0;
   /// An EEPROM write that holds the bus (profile: 10 ms, 18 ms for a page) fits into no cycle. false: it is refused. true: it
-  /// is sent, the cycle waits, and the sample is held for so long beyond max_hold.
+  /// is sent, the cycle waits, and the sample is held for so long beyond max_hold. It waits until one sample has announced
+  /// it (Sample::announced_hold).
   bool eeprom_may_hold = false;
   AxisConfig axis;
   /// A sample is invalid when its successor is overdue by this: at an age of one period and max_hold.
@@ -141,6 +142,10 @@ class Bus {
   /// comes first.
   [[nodiscard]] Time fresh_until() const noexcept { return fresh_until_; }
 
+  /// Until when the newest sample may be used, extrapolated; an announced hold that has begun is in it. kNever: nothing
+  /// more to lose, there is none.
+  [[nodiscard]] Time valid_until() const noexcept { return stale_at_; }
+
   /// The axis was homed: samples are referenced from the next one on.
   void set_referenced(bool referenced) noexcept { tracker_.set_referenced(referenced); }
 
@@ -207,7 +212,13 @@ class Bus {
   void settle(Time now) noexcept;
   void cycle_failed(Errc cause, Time now) noexcept;
   void give_up(Time now) noexcept;
-  void publish(const Sample& sample) noexcept { latest_.put(sample); }
+  void publish(const Sample& sample) noexcept {
+    latest_.put(sample);
+    announced_ = true;
+  }
+  [[nodiscard]] bool will_hold(const Request& request) const noexcept {
+    return config_.eeprom_may_hold && holds_bus(request);
+  }
 
   [[nodiscard]] Time sample_gap() const noexcept { return scheduler_ ? scheduler_->sample_gap() : Time{0}; }
   /// How old a held sample may be at most.
@@ -232,10 +243,11 @@ class Bus {
   BackgroundQueue background_;
   std::optional<StartupError> startup_error_;
   BusState state_ = BusState::stopped;
-  bool settling_ = false;  ///< the last exchange failed: late bytes of it may still come
-  bool arrived_ = false;   ///< the exchange is done, and waits for a clock that was read after it
-  bool leaving_ = false;   ///< and when last looked at, its request had not left
-  Time sent_span_{0};      ///< T1 of the last request that the port took, or its exchange if that is longer
+  bool settling_ = false;   ///< the last exchange failed: late bytes of it may still come
+  bool arrived_ = false;    ///< the exchange is done, and waits for a clock that was read after it
+  bool leaving_ = false;    ///< and when last looked at, its request had not left
+  bool announced_ = false;  ///< a sample was published since the request that waits was offered
+  Time sent_span_{0};       ///< T1 of the last request that the port took, or its exchange if that is longer
   Kind kind_ = Kind::startup;
   std::uint8_t failed_in_a_row_ = 0;
   Time slot_{0};                      ///< of the cyclic exchange under way

@@ -141,7 +141,7 @@ bool Bus<P>::fits(const Request& request, Time start) const noexcept {
 /// True if a request that fits into no gap may have the slot that is due.
 template <Port P>
 bool Bus<P>::may_steal(const Request& request) const noexcept {
-  if (config_.eeprom_may_hold && holds_bus(request)) return true;
+  if (will_hold(request)) return announced_;
   return config_.steal_every != 0 && to_steal_ == 0 && !scheduler_->has_gap_for(span_of(request));
 }
 
@@ -174,7 +174,7 @@ template <Port P>
 void Bus<P>::begin_background(const Request& request, Time now) noexcept {
   const bool reset = priority_of(request) == Priority::reset_run;
   const bool in_gap = fits(request, now);
-  const bool holds = !in_gap && config_.eeprom_may_hold && holds_bus(request);
+  const bool holds = !in_gap && will_hold(request);
   const Time span = span_of(request);
   if (reset && resets_in_a_row_ < UINT8_MAX) ++resets_in_a_row_;
   send(request, Kind::background, now);
@@ -183,9 +183,9 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
   const std::uint32_t taken = scheduler_->give_way(now + span);
   saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
   if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
-  if (stale_at_ == kNever) return;
-  if (holds) stale_at_ += span;  // announced: held for so long
-  publish(tracker_.hold(now, valid_for()));
+  if (holds && stale_at_ != kNever) stale_at_ += span;
+  if (stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
+  if (holds) tracker_.announce_hold(Time{0});  // it has begun: later samples announce the next one
 }
 
 /// What waits has waited for one more cyclic slot.
@@ -196,6 +196,7 @@ void Bus<P>::slot_passed() noexcept {
     statistics_.longest_wait = std::max(statistics_.longest_wait, background_.waited(priority));
   if (!starved) return;
   saturating_increment(statistics_.starved);
+  if (starved == Priority::eeprom) tracker_.announce_hold(Time{0});
   background_.complete(*starved, std::unexpected(Errc::no_gap));
 }
 

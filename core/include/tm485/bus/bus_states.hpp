@@ -29,6 +29,7 @@ void Bus<P>::finish_cyclic(Time now) noexcept {
   lease(now);
   const AlarmLevel alarm = sample.alarm();
   latest_.publish();
+  announced_ = true;
   cycle_good(*reply, alarm, now);
 }
 
@@ -152,6 +153,7 @@ void Bus<P>::abandon() noexcept {
   const bool sent = in_flight() && kind_ == Kind::background;
   exchange_.abandon();
   arrived_ = false;
+  tracker_.announce_hold(Time{0});
   const auto under_way = sent ? std::optional(priority_of(exchange_.request())) : std::nullopt;
   background_.complete_all(Errc::bad_state, under_way, Errc::abandoned);
   stale_at_ = kNever;
@@ -208,14 +210,19 @@ std::expected<void, Errc> Bus<P>::offer(const Request& request, std::uint32_t ti
   const std::uint32_t patience =
       std::max({std::uint32_t{BackgroundQueue::kMostSlots}, 4 * every, to_steal_ + 2 * every});
   patience_ = background_.empty() ? patience : std::max(patience_, patience);
-  return background_.offer(request, ticket);
+  const auto offered = background_.offer(request, ticket);
+  if (offered && in_cycle && will_hold(request) && !scheduler_->has_gap_for(span_of(request))) {
+    tracker_.announce_hold(span_of(request));
+    announced_ = false;
+  }
+  return offered;
 }
 
 /// May a request that fits into no gap have slots of the cycle? Only if neither the sample becomes invalid meanwhile nor
 /// the shaft can turn so far that its position is lost.
 template <Port P>
 bool Bus<P>::may_take_slots(const Request& request) const noexcept {
-  const bool may_hold = config_.eeprom_may_hold && holds_bus(request);
+  const bool may_hold = will_hold(request);
   if (!may_hold && config_.steal_every == 0) return false;
   const Time span = span_of(request);
   if (!may_hold && sample_gap() + span > config_.max_hold) return false;

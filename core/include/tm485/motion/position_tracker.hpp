@@ -10,6 +10,7 @@
 // flips in one bit column pass the CRC. Specification: sections 3 and 8.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <expected>
 
@@ -59,6 +60,11 @@ class PositionTracker {
   /// The axis was homed, or is no longer.
   void set_referenced(bool referenced) noexcept { referenced_ = referenced; }
 
+  /// Samples announce from now on that the bus is held for `span`, or with 0 that it is not (Sample::announced_hold).
+  void announce_hold(Time span) noexcept {
+    announced_hold_ns_ = static_cast<std::uint32_t>(std::min(span, Time{UINT32_MAX}).count());
+  }
+
   /// True if two frames, `elapsed` apart, can come from one shaft turning at no more than max_speed_rpm.
   [[nodiscard]] bool consistent(const Frame& earlier, const Frame& later, Time elapsed) const noexcept;
 
@@ -85,6 +91,7 @@ class PositionTracker {
   Time uncertainty_{0};     ///< of both
   std::uint32_t sequence_ = 0;
   std::int32_t turns_ = 0;
+  std::uint32_t announced_hold_ns_ = 0;
   StatusSet status_;
   AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
@@ -156,7 +163,7 @@ inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
   sample.alarm_ = alarm_;
   sample.referenced_ = referenced_;
   sample.has_position_ = has_position_ && quality != Quality::invalid;
-  sample.spare_ = 0;
+  sample.announced_hold_ns_ = announced_hold_ns_;
 }
 
 /// Everything of a reply but its position.

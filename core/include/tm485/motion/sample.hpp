@@ -56,6 +56,9 @@ class Sample {
   [[nodiscard]] constexpr std::uint8_t enid() const noexcept { return enid_; }
   /// The ID of the reply that it came from.
   [[nodiscard]] constexpr DataId id() const noexcept { return id_; }
+  /// An EEPROM write is about to have the line to itself, or has it: no fresh sample comes for so long after it began.
+  /// 0: none. Stated by the last sample before it begins, at the latest (BusConfig::eeprom_may_hold); at most 4.2 s.
+  [[nodiscard]] constexpr Time announced_hold() const noexcept { return Time(announced_hold_ns_); }
 
  private:
   friend class PositionTracker;
@@ -74,9 +77,10 @@ class Sample {
   AlarmLevel alarm_ = AlarmLevel::none;
   bool referenced_ = false;
   bool has_position_ = false;
-  std::uint32_t spare_ = 0;  ///< no padding: every byte of a sample has a value
+  std::uint32_t announced_hold_ns_ = 0;
 };
 
+// No padding: every byte of a sample has a value.
 static_assert(sizeof(Sample) <= 64 && std::has_unique_object_representations_v<Sample>);
 
 }  // namespace tm485
