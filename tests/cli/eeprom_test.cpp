@@ -54,6 +54,10 @@ TEST(EepromDump, WritesBothFormatsWithinTheLimit) {
 
   const std::string json = folder.path("image.json");
   EXPECT_EQ(run({"eeprom", "dump", "sim:", "-o", json, "--virtual"}).exit_code, 0);
+  const Finished again = run({"eeprom", "dump", "sim:eeprom_seed=2", "-o", json, "--virtual"});
+  EXPECT_EQ(again.exit_code, 2) << "it may be the only image of something";
+  EXPECT_NE(again.err.find("tm485: file_exists:"), std::string::npos) << again.err;
+  EXPECT_EQ(run({"eeprom", "dump", "sim:", "-o", json, "--virtual", "--yes"}).exit_code, 0);
   const Json image = Json::parse(content(json));
   EXPECT_EQ(image.at("pages").size(), 7U);
   EXPECT_EQ(image.at("enid"), 17);

@@ -47,6 +47,20 @@ TEST(SimPort, RefusesEmptyLongAndOverlappingRequests) {
   EXPECT_EQ(port.try_send(request, us(4)).error(), Errc::send_failed);
 }
 
+TEST(SimPort, IsGoneFromTheInstantItIsUnplugged) {
+  SimulatedEncoder simulated{};
+  SimPort& port = simulated.port();
+  const Bytes request{0x1A};
+  std::array<std::uint8_t, 32> buffer{};
+  port.unplug(us(100));
+  ASSERT_TRUE(port.try_send(request, us(0)).has_value());
+  EXPECT_EQ(port.try_receive(buffer, us(99)).fault, Errc::ok);
+  EXPECT_EQ(port.transmission(us(99)).state, State::sent);
+  EXPECT_EQ(port.try_receive(buffer, us(100)).fault, Errc::port_gone);
+  EXPECT_EQ(port.transmission(us(100)).fault, Errc::port_gone);
+  EXPECT_EQ(port.try_send(request, us(101)).error(), Errc::port_gone);
+}
+
 TEST(SimPort, ReceivesWithExactWireTimes) {
   SimOptions options;
   options.encoder.t2_min = options.encoder.t2_max = Time{2'950};

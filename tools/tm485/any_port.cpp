@@ -54,7 +54,7 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
     const auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
                                                               : std::string_view(text).substr(kSim.size()));
     if (!options) return std::unexpected(bad_port(text, options.error()));
-    return std::make_unique<sim::SimulatedEncoder>(*options);
+    return std::make_shared<sim::SimulatedEncoder>(*options);
   }
   const bool named_unix = text.starts_with(kUnix);
   const std::string path = named_unix ? text.substr(kUnix.size()) : text;
@@ -85,6 +85,10 @@ std::expected<AnyPort, Problem> AnyPort::open(const std::string& text, std::uint
                       "leave --virtual out, or use a simulated encoder: sim:"));
   }
   return AnyPort(text, bit_rate, virtual_time, std::move(*port));
+}
+
+AnyPort AnyPort::simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name) {
+  return {std::move(name), 0, true, std::move(encoder)};
 }
 
 std::string AnyPort::default_profile(const std::string& text) {

@@ -26,6 +26,9 @@ class AnyPort {
   [[nodiscard]] static std::expected<AnyPort, Problem> open(const std::string& text, std::uint32_t bit_rate,
                                                             bool virtual_time);
 
+  /// A simulated encoder that its maker goes on to look at, in virtual time. It cannot be opened again.
+  [[nodiscard]] static AnyPort simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name);
+
   /// The profile that fits a port if none is given: that of `sim:profile=NAME`, otherwise tm485_17.
   [[nodiscard]] static std::string default_profile(const std::string& text);
 
@@ -50,7 +53,7 @@ class AnyPort {
   [[nodiscard]] bool gone() const noexcept { return gone_; }
 
  private:
-  using Simulated = std::unique_ptr<sim::SimulatedEncoder>;
+  using Simulated = std::shared_ptr<sim::SimulatedEncoder>;
   using Variant = std::variant<Simulated, linux_hal::SerialPort, linux_hal::UnixPort>;
 
   AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time, Variant port)

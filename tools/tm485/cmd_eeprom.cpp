@@ -1,6 +1,7 @@
 // tm485 eeprom read, write, dump, verify and diff. restore is in cmd_eeprom_restore.cpp.
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 
@@ -137,6 +138,7 @@ int run_eeprom_write(const EepromOptions& options) {
   if (!done) {
     Problem problem = done.error();
     problem.cause += fmt::format("; {} writes were sent", encoder->runner->totals().writes);
+    if (const auto doubt = encoder->runner->in_doubt()) problem.cause += doubt_text(*doubt);
     return report(problem);
   }
   const auto after = read_image(*encoder, "verifying");
@@ -161,7 +163,20 @@ int run_eeprom_write(const EepromOptions& options) {
   return print(json.text() + '\n');
 }
 
+namespace {
+/// An older image may be the only one of what an encoder held. Asked before the port is opened.
+std::expected<void, Problem> may_replace(const EepromOptions& options) {
+  struct stat status{};
+  if (::stat(options.file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return {};
+  if (!can_confirm(options.yes, "--yes"))
+    return std::unexpected(usage_problem("file_exists", fmt::format("'{}' exists already", options.file),
+                                         "choose another name, or add --yes to replace it"));
+  return confirm(options.yes, fmt::format("Replace '{}'?", options.file), "yes");
+}
+}  // namespace
+
 int run_eeprom_dump(const EepromOptions& options) {
+  if (const auto free = may_replace(options); !free) return report(free.error());
   auto encoder = open_eeprom(options);
   if (!encoder) return report(encoder.error());
   const auto image = read_image(*encoder, "reading");

@@ -37,12 +37,14 @@ struct Account {
   Time write_time{0};
   Time verify_time{0};
   std::vector<ByteDifference> suspects;  ///< wrong at the end
+  std::optional<EepromDoubt> doubt;      ///< was being written at the end
 };
 
 class Restore {
  public:
-  explicit Restore(const EepromOptions& options)
+  Restore(const EepromOptions& options, const EepromOpener& open)
       : options_(options),
+        open_(open),
         action_(options.undo     ? Action::undo
                 : options.resume ? Action::resume
                                  : Action::restore),
@@ -51,10 +53,12 @@ class Restore {
   int run() {
     auto done = prepare();
     if (done) {
-      auto encoder = open_eeprom(options_);
+      auto encoder = open_(options_);
       if (!encoder) return report(encoder.error());
       encoder_ = std::move(*encoder);
+      know_what_the_journal_knows();
       done = carry_out();
+      warn_unconfirmed(runner().totals());
       if (const int result = show(); result != kExitGood) return result;
     }
     return done ? kExitGood : report(done.error());
@@ -114,6 +118,13 @@ class Restore {
     return action_ == Action::undo ? journal_.before : journal_.wanted;
   }
   [[nodiscard]] EepromRunner& runner() const { return *encoder_.runner; }
+
+  /// Bytes that are the same before and after, so the encoder holds them.
+  void know_what_the_journal_knows() {
+    if (action_ == Action::restore) return;
+    for (unsigned i = 0; i < journal_.wanted.bytes.size(); ++i)
+      if (journal_.wanted.bytes[i] == journal_.before.bytes[i]) runner().know(i, journal_.wanted.bytes[i]);
+  }
 
   Result carry_out() {
     auto present = read_image(encoder_, "reading");
@@ -219,8 +230,12 @@ class Restore {
 
   Result stopped_or_failed(Problem problem, bool begun) {
     if (problem.name == "stopped") account_.outcome = "stopped";
+    if (const auto mismatch = runner().mismatch(); mismatch && account_.suspects.empty())
+      account_.suspects.push_back(*mismatch);
+    account_.doubt = runner().in_doubt();
+    if (account_.doubt) problem.cause += doubt_text(*account_.doubt);
     if (!begun) {
-      problem.cause += "; nothing was written";
+      problem.cause += "; nothing was to be written yet";
       return std::unexpected(std::move(problem));
     }
     problem.cause += fmt::format("; {} writes were sent", runner().totals().writes);
@@ -246,6 +261,7 @@ class Restore {
     json.set("verify_ns", account_.verify_time.count());
     json.set("total_ns", (account_.read_time + account_.write_time + account_.verify_time).count());
     json.set("suspects", differences_json(account_.suspects));
+    if (account_.doubt) json.set("in_doubt", doubt_json(*account_.doubt));
     return json.text() + '\n';
   }
 
@@ -273,6 +289,7 @@ class Restore {
   }
 
   const EepromOptions& options_;
+  const EepromOpener& open_;
   Action action_;
   std::string journal_path_;
   EepromJournal journal_;
@@ -282,6 +299,12 @@ class Restore {
 
 }  // namespace
 
-int run_eeprom_restore(const EepromOptions& options) { return Restore(options).run(); }
+int run_eeprom_restore(const EepromOptions& options, const EepromOpener& open) {
+  return Restore(options, open).run();
+}
+
+int run_eeprom_restore(const EepromOptions& options) {
+  return run_eeprom_restore(options, [](const EepromOptions& same) { return open_eeprom(same); });
+}
 
 }  // namespace tm485::cli

@@ -40,6 +40,7 @@ std::expected<void, Problem> EepromRunner::run(std::expected<void, Errc> started
   totals_.page_selects += progress.page_selects;
   totals_.retries += progress.retries;
   totals_.repaired += progress.repaired;
+  totals_.unconfirmed_pages |= progress.unconfirmed_pages;
   return result;
 }
 
@@ -69,6 +70,12 @@ std::expected<void, Problem> EepromRunner::drive_to_end(std::string_view label) 
   return std::unexpected(problem_of_outcome(outcome));
 }
 
+std::optional<ByteDifference> EepromRunner::mismatch() const {
+  const auto& outcome = manager_.outcome();
+  if (!outcome || outcome->code != Errc::eeprom_mismatch) return std::nullopt;
+  return ByteDifference{outcome->page, outcome->address, outcome->wanted, outcome->found};
+}
+
 Problem EepromRunner::problem_of_outcome(const EepromError& outcome) const {
   const EepromProgress& progress = manager_.progress();
   if (outcome.code == Errc::abandoned)
@@ -78,7 +85,10 @@ Problem EepromRunner::problem_of_outcome(const EepromError& outcome) const {
             kExitFailure};
   std::string where =
       fmt::format("{}: page {}, address {}", session_->port().text(), outcome.page, outcome.address);
-  if (outcome.code == Errc::eeprom_mismatch)
+  if (outcome.code == Errc::eeprom_mismatch && outcome.wanted == outcome.found)
+    where += fmt::format(" (holds {:02X} since noise made a write of it; what it held was not known)",
+                         outcome.found);
+  else if (outcome.code == Errc::eeprom_mismatch)
     where += fmt::format(" (wanted {:02X}, found {:02X})", outcome.wanted, outcome.found);
   Problem problem = problem_of(outcome.code, where);
   problem.exit_code = kExitFailure;

@@ -3,6 +3,7 @@
 
 #include <expected>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,7 @@ struct EepromTotals {
   std::uint32_t page_selects = 0;
   std::uint32_t retries = 0;
   std::uint32_t repaired = 0;
+  std::uint32_t unconfirmed_pages = 0;  ///< see EepromProgress
 };
 
 /// What it has read is known to the manager from then on, so that it puts back what noise has changed.
@@ -40,6 +42,16 @@ class EepromRunner {
   [[nodiscard]] std::expected<void, Problem> write(unsigned first, std::span<const std::uint8_t> from,
                                                    std::string_view label);
 
+  /// Of a byte that was not read yet: what it holds, if nothing has changed it since. It is put back if noise does.
+  void know(unsigned at, std::uint8_t value) noexcept {
+    value_[at] = value;
+    known_[at] = true;
+  }
+
+  /// The byte at which the last task ended with eeprom_mismatch, if it did.
+  [[nodiscard]] std::optional<ByteDifference> mismatch() const;
+  /// What the last task has left in doubt.
+  [[nodiscard]] std::optional<EepromDoubt> in_doubt() const noexcept { return manager_.in_doubt(); }
   /// Of the last task.
   [[nodiscard]] const EepromProgress& progress() const noexcept { return manager_.progress(); }
   [[nodiscard]] Time duration() const noexcept { return duration_; }

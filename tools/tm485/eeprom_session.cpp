@@ -1,6 +1,7 @@
 #include "eeprom_session.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "ask_encoder.hpp"
 #include "profile_file.hpp"
@@ -21,8 +22,12 @@ std::expected<EepromSession, Problem> open_eeprom(const EepromOptions& options) 
   settings.cyclic = false;
   auto opened = Session::open(settings);
   if (!opened) return std::unexpected(std::move(opened.error()));
+  return open_eeprom(std::move(*opened));
+}
+
+std::expected<EepromSession, Problem> open_eeprom(std::unique_ptr<Session> session) {
   EepromSession encoder;
-  encoder.session = std::move(*opened);
+  encoder.session = std::move(session);
   if (auto started = encoder.session->wait_for_startup(); !started) {
     started.error().exit_code = kExitFailure;
     return std::unexpected(std::move(started.error()));
@@ -46,6 +51,15 @@ std::expected<EepromImage, Problem> read_image(EepromSession& encoder, std::stri
   return image;
 }
 
+namespace {
+std::vector<unsigned> pages_of(std::uint32_t mask) {
+  std::vector<unsigned> pages;
+  for (unsigned page = 0; page < 32; ++page)
+    if ((mask >> page & 1U) != 0) pages.push_back(page);
+  return pages;
+}
+}  // namespace
+
 std::string differences_text(const std::vector<ByteDifference>& all, std::size_t most) {
   std::string text;
   for (std::size_t i = 0; i < all.size() && i < most; ++i)
@@ -66,9 +80,34 @@ std::vector<JsonObject> differences_json(const std::vector<ByteDifference>& all)
   return result;
 }
 
+std::string doubt_text(const EepromDoubt& doubt) {
+  std::string text =
+      fmt::format("; page {}, address {} may be wrong until it is finished", doubt.page, doubt.address);
+  if (const auto pages = pages_of(doubt.pages); !pages.empty())
+    text += fmt::format(", and any byte of page {}", fmt::join(pages, ", "));
+  return text;
+}
+
+JsonObject doubt_json(const EepromDoubt& doubt) {
+  JsonObject json;
+  json.set("page", unsigned{doubt.page}).set("address", unsigned{doubt.address});
+  json.set("pages", pages_of(doubt.pages));
+  return json;
+}
+
 void add_totals(JsonObject& json, const EepromTotals& totals) {
   json.set("writes", totals.writes).set("page_selects", totals.page_selects);
   json.set("retries", totals.retries).set("repaired", totals.repaired);
+  json.set("unconfirmed_pages", pages_of(totals.unconfirmed_pages));
+}
+
+void warn_unconfirmed(const EepromTotals& totals) {
+  for (const unsigned page : pages_of(totals.unconfirmed_pages))
+    fmt::print(
+        stderr,
+        "tm485: warning: page {}: a request was not answered while nothing was known of this page. If noise "
+        "made\n  a write of it, one byte has changed unseen; compare the page with an older image\n",
+        page);
 }
 
 std::string totals_text(const EepromTotals& totals) {

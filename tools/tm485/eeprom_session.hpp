@@ -2,6 +2,7 @@
 #pragma once
 
 #include <expected>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,6 +25,13 @@ struct EepromSession {
 /// Opens the port and asks the encoder for its ID. Problems: those of Session::open, wait_for_startup and ask_encoder;
 /// "stopped" with exit code 1.
 [[nodiscard]] std::expected<EepromSession, Problem> open_eeprom(const EepromOptions& options);
+/// The same on a session that was opened; it has no cycle.
+[[nodiscard]] std::expected<EepromSession, Problem> open_eeprom(std::unique_ptr<Session> session);
+
+/// How a restore comes by its encoder.
+using EepromOpener = std::function<std::expected<EepromSession, Problem>(const EepromOptions&)>;
+/// As run_eeprom_restore(options), on an encoder of the caller's.
+int run_eeprom_restore(const EepromOptions& options, const EepromOpener& open);
 
 /// The shape that the profile of the options has, without opening the port.
 [[nodiscard]] std::expected<EepromShape, Problem> shape_of(const PortOptions& options);
@@ -35,7 +43,14 @@ struct EepromSession {
 [[nodiscard]] std::string differences_text(const std::vector<ByteDifference>& all, std::size_t most);
 [[nodiscard]] std::vector<JsonObject> differences_json(const std::vector<ByteDifference>& all);
 
-/// writes, page_selects, retries, repaired.
+/// What a task has left in doubt when it ended: "; page 3, address 17 was being written ...".
+[[nodiscard]] std::string doubt_text(const EepromDoubt& doubt);
+[[nodiscard]] JsonObject doubt_json(const EepromDoubt& doubt);
+
+/// Says on standard error which pages noise may have changed unseen, if any.
+void warn_unconfirmed(const EepromTotals& totals);
+
+/// writes, page_selects, retries, repaired, unconfirmed_pages.
 void add_totals(JsonObject& json, const EepromTotals& totals);
 [[nodiscard]] std::string totals_text(const EepromTotals& totals);
 

@@ -62,6 +62,15 @@ std::expected<SessionOptions, Problem> with_max_speed(SessionOptions options) {
   return options;
 }
 
+std::expected<CompiledProfile, Problem> profile_for(const PortOptions& options) {
+  auto profile =
+      load_profile(options.profile.empty() ? AnyPort::default_profile(options.port) : options.profile);
+  if (!profile || !options.echo) return profile;
+  Profile with_echo = profile->profile();
+  with_echo.echo = true;
+  return CompiledProfile::compile(with_echo).value_or(*profile);
+}
+
 BusConfig bus_config(const SessionOptions& options, const AxisConfig& axis, Time period) {
   BusConfig config;
   config.cycle = std::nullopt;
@@ -84,28 +93,32 @@ Session::Session(AnyPort port, const CompiledProfile& profile, const SessionOpti
 }
 
 std::expected<std::unique_ptr<Session>, Problem> Session::open(const SessionOptions& options) {
-  const std::string& text = options.port.port;
-  auto profile =
-      load_profile(options.port.profile.empty() ? AnyPort::default_profile(text) : options.port.profile);
-  if (!profile) return std::unexpected(std::move(profile.error()));
-  if (options.port.echo) {
-    Profile with_echo = profile->profile();
-    with_echo.echo = true;
-    profile = CompiledProfile::compile(with_echo).value_or(*profile);
-  }
-  auto port = AnyPort::open(text, profile->profile().bit_rate, options.virtual_time);
+  const auto profile = profile_for(options.port);
+  if (!profile) return std::unexpected(profile.error());
+  auto port = AnyPort::open(options.port.port, profile->profile().bit_rate, options.virtual_time);
   if (!port) return std::unexpected(std::move(port.error()));
+  return begin(std::move(*port), *profile, options);
+}
+
+std::expected<std::unique_ptr<Session>, Problem> Session::on(AnyPort port, const SessionOptions& options) {
+  const auto profile = profile_for(options.port);
+  if (!profile) return std::unexpected(profile.error());
+  return begin(std::move(port), *profile, options);
+}
+
+std::expected<std::unique_ptr<Session>, Problem> Session::begin(AnyPort port, const CompiledProfile& profile,
+                                                                const SessionOptions& options) {
   const auto with_speed = with_max_speed(options);
   if (!with_speed) return std::unexpected(with_speed.error());
-  std::unique_ptr<Session> session(new Session(std::move(*port), *profile, *with_speed));
+  std::unique_ptr<Session> session(new Session(std::move(port), profile, *with_speed));
   Time period = options.cycle.period;
   if (period == Time{0} && options.wished_period)
     period = std::max(
-        {*options.wished_period, profile->t1(options.cycle.id), session->capability_.shortest_exchange});
+        {*options.wished_period, profile.t1(options.cycle.id), session->capability_.shortest_exchange});
   session->bus_.emplace(session->port_, session->profile_, bus_config(options, session->axis_, period));
   if (const auto started = session->bus_->start(session->now()); !started)
     return std::unexpected(
-        refusal_problem(started.error(), Cycle{options.cycle.id, period}, *profile, session->capability_));
+        refusal_problem(started.error(), Cycle{options.cycle.id, period}, profile, session->capability_));
   return session;
 }
 

@@ -34,6 +34,10 @@ class Session {
   /// period_below_t1 or period_below_port with the nearest possible period.
   [[nodiscard]] static std::expected<std::unique_ptr<Session>, Problem> open(const SessionOptions& options);
 
+  /// The same on a port that is open. Of `options.port` only the profile, the speed and the echo count.
+  [[nodiscard]] static std::expected<std::unique_ptr<Session>, Problem> on(AnyPort port,
+                                                                           const SessionOptions& options);
+
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
@@ -65,6 +69,9 @@ class Session {
   [[nodiscard]] std::uint32_t unseen_records() const noexcept { return unseen_; }
 
  private:
+  [[nodiscard]] static std::expected<std::unique_ptr<Session>, Problem> begin(AnyPort port,
+                                                                              const CompiledProfile& profile,
+                                                                              const SessionOptions& options);
   Session(AnyPort port, const CompiledProfile& profile, const SessionOptions& options);
   void wait(Time until, Time at);
 

@@ -58,8 +58,9 @@ void add_eeprom(CLI::App& root, EepromOptions& options, AddPortOptions add_port_
       "  tm485 eeprom write /dev/ttyUSB0 --page 2 --addr 16 --hex \"A5 5A\" --yes");
 
   CLI::App& dump = add_command(eeprom, options, add_port_options, "dump", "Save all bytes in a file");
-  dump.add_option("-o,--output", options.file, "File to write; replaced if it exists")->required();
+  dump.add_option("-o,--output", options.file, "File to write; asks before it replaces one")->required();
   add_format(dump, options);
+  add_yes(dump, options);
   dump.footer(
       "Examples:\n"
       "  tm485 eeprom dump /dev/ttyUSB0 -o motor.json      pages in hexadecimal, ENID, date, CRC-32\n"

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 #include <expected>
 #include <optional>
@@ -31,6 +32,14 @@ struct EepromError {
   std::uint8_t found = 0;  ///< with eeprom_mismatch
 };
 
+/// What may hold neither the old nor the new value if nothing more is done, as after a cable was pulled.
+struct EepromDoubt {
+  std::uint8_t page = 0;  ///< the byte that was being written or looked at
+  std::uint8_t address = 0;
+  /// One bit a page: any byte of it. A write of which no echo was heard may have gone to any address of its page.
+  std::uint32_t pages = 0;
+};
+
 struct EepromProgress {
   std::uint32_t done = 0;  ///< bytes that are dealt with
   std::uint32_t total = 0;
@@ -39,6 +48,9 @@ struct EepromProgress {
   std::uint32_t retries = 0;       ///< exchanges that failed and were repeated
   std::uint32_t repaired = 0;      ///< bytes that noise had changed, put back
   std::uint32_t mismatches = 0;    ///< verify: bytes that differ
+  /// One bit a page: something was written in it, if only the page register, no echo came, and not all of its bytes were
+  /// known. Noise may have made a write of another byte of it, and nobody can say which.
+  std::uint32_t unconfirmed_pages = 0;
 };
 
 /// What is known of the contents, by linear address; either both spans have as many elements as the EEPROM has bytes,
@@ -92,6 +104,8 @@ class BasicEepromManager {
   /// How the last task ended; nothing while one is active, or before the first.
   [[nodiscard]] const std::optional<EepromError>& outcome() const noexcept { return outcome_; }
   [[nodiscard]] const EepromProgress& progress() const noexcept { return progress_; }
+  /// What a write has left in doubt so far: of the task that is active, or of the last one that did not end well.
+  [[nodiscard]] std::optional<EepromDoubt> in_doubt() const noexcept;
   /// How long the rest takes if nothing fails; of a write, if every byte that is left must be written.
   [[nodiscard]] Time time_left() const noexcept;
   /// The page that the encoder has selected, if that is known.
@@ -116,8 +130,8 @@ class BasicEepromManager {
   enum class Task : std::uint8_t { none, read, write, verify };
   /// What is wanted of the task's byte.
   enum class Phase : std::uint8_t { read, write, read_back };
-  /// What is wanted of a byte that noise may have changed: one that a wrong echo has named, or, when the echo of a write
-  /// is missing, each of the page in turn. It comes first.
+  /// What is wanted of a byte that noise may have changed: when the echo of a write is wrong or missing, of each byte of
+  /// its page in turn. It comes first.
   enum class Suspect : std::uint8_t { none, look, restore, look_again };
   /// What the request under way does for it.
   enum class Action : std::uint8_t { check_page, select_page, read, write };
@@ -125,7 +139,7 @@ class BasicEepromManager {
   static constexpr std::uint8_t kMostTries = 12;    ///< of one request, in a row, before patience counts
   static constexpr std::uint8_t kMostRewrites = 6;  ///< of one byte
   static constexpr std::uint8_t kMostSelects = 6;   ///< of one page, in a row
-  static constexpr std::uint8_t kMostSweeps = 20;   ///< of pages, while one byte is dealt with
+  static constexpr std::uint8_t kMostSweeps = 60;   ///< of pages, while one byte is dealt with
   static constexpr std::uint8_t kMostBusy = 200;    ///< looks at a busy EEPROM, kBusyPause apart
   static constexpr Time kBusyPause{500'000};
 
@@ -153,12 +167,16 @@ class BasicEepromManager {
 
   void on_failure(Errc cause, Time now) noexcept;
   void on_busy(Time now) noexcept;
-  void on_wrong_echo(std::uint8_t address, Time now) noexcept;
+  void on_wrong_echo(const Frame& echo, Time now) noexcept;
   void on_echo(Time now) noexcept;
   void on_data(std::uint8_t data) noexcept;
   void on_task_data(std::uint8_t data) noexcept;
   void on_suspect_data(std::uint8_t data) noexcept;
-  void sweep_page(std::uint8_t page) noexcept;
+  void doubt_bytes_of(std::uint8_t page) noexcept;
+  void begin_sweep() noexcept;
+  [[nodiscard]] static constexpr std::uint32_t bit(unsigned page) noexcept {
+    return page < 32 ? std::uint32_t{1} << page : 0;
+  }
   void suspect_settled() noexcept;
   void know(unsigned at, std::uint8_t value) noexcept;
 
@@ -174,7 +192,7 @@ class BasicEepromManager {
   unsigned count_ = 0;
   unsigned at_ = 0;                   ///< linear address of the task's byte
   unsigned other_ = 0;                ///< and of the suspect
-  unsigned sweep_end_ = 0;            ///< behind the last suspect
+  std::uint32_t doubted_ = 0;         ///< pages whose bytes must be looked at, one bit each
   std::optional<std::uint8_t> page_;  ///< as last read or selected
   bool page_checked_ = false;         ///< and nothing has happened since that could have changed it
   bool under_way_ = false;

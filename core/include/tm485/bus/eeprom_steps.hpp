@@ -25,6 +25,7 @@ std::expected<void, Errc> BasicEepromManager<D>::begin(Task task, unsigned first
   cancelled_ = false;
   phase_ = Phase::read;
   suspect_ = Suspect::none;
+  doubted_ = 0;
   tries_ = rewrites_ = selects_ = sweeps_ = busy_looks_ = 0;
   wait_until_ = Time{0};
   failing_since_ = kNever;
@@ -87,6 +88,16 @@ Time BasicEepromManager<D>::time_left() const noexcept {
   const auto left = static_cast<std::int64_t>(progress_.total - progress_.done);
   const Time each = task_ == Task::write ? p.eeprom_write_time + 2 * look : look;
   return each * left + p.eeprom_page_time * (left / p.eeprom_page_bytes);
+}
+
+template <class D>
+std::optional<EepromDoubt> BasicEepromManager<D>::in_doubt() const noexcept {
+  if (outcome_ && outcome_->code == Errc::ok) return std::nullopt;
+  const bool writing = under_way_ && (action_ == Action::write || action_ == Action::select_page);
+  const bool unread = phase_ == Phase::read_back || rewrites_ != 0;
+  if (!writing && !unread && doubted_ == 0) return std::nullopt;
+  const unsigned at = unread ? at_ : target();
+  return EepromDoubt{page_of(at), address_of(at), doubted_ | (writing ? bit(page_.value_or(0)) : 0)};
 }
 
 // --- What is next ---
@@ -159,7 +170,7 @@ void BasicEepromManager<D>::on_completion(const Completion& completion, Time now
   if (error == Errc::eeprom_busy && D::kChecksBusy) return on_busy(now);
   if (error == Errc::eeprom_address_mismatch) {
     if (!wrote) return on_failure(error, now);
-    if (D::kComparesEcho) return on_wrong_echo(heard.address(), now);
+    if (D::kComparesEcho) return on_wrong_echo(heard, now);
   }
   tries_ = 0;
   busy_looks_ = 0;
@@ -191,47 +202,55 @@ void BasicEepromManager<D>::on_failure(Errc cause, Time now) noexcept {
   wait_until_ = std::max(wait_until_, now + std::max(p.eeprom_write_time, p.eeprom_page_time));
   if (action_ == Action::write && suspect_ == Suspect::none) phase_ = Phase::read_back;
   // Noise may have made another write of it, and nobody has heard which.
-  sweep_page(page_.value_or(0));
+  doubt_bytes_of(page_.value_or(0));
 }
 
-/// Every byte of a page is compared with what is known of it.
+/// Every byte of the page is compared with what is known of it, before anything else.
 template <class D>
-void BasicEepromManager<D>::sweep_page(std::uint8_t page) noexcept {
-  const unsigned page_bytes = profile_->profile().eeprom_page_bytes;
-  if (suspect_ == Suspect::restore) suspect_ = Suspect::look_again;
-  if (known_.known.empty() || page >= profile_->profile().eeprom_pages) return;
+void BasicEepromManager<D>::doubt_bytes_of(std::uint8_t page) noexcept {
+  if (page >= profile_->profile().eeprom_pages) return;
+  if (known_.known.empty()) {
+    progress_.unconfirmed_pages |= bit(page);
+    return;
+  }
   if (++sweeps_ > kMostSweeps) return fail(Errc::eeprom_mismatch);
+  doubted_ |= bit(page);
+  if (suspect_ == Suspect::none || page_of(other_) == page) begin_sweep();
+}
+
+/// With the page that is selected, if it is in doubt: one change less.
+template <class D>
+void BasicEepromManager<D>::begin_sweep() noexcept {
+  suspect_ = Suspect::none;
+  if (doubted_ == 0) return;
+  const bool here = page_ && (doubted_ & bit(*page_)) != 0;
+  const unsigned page = here ? *page_ : static_cast<unsigned>(std::countr_zero(doubted_));
   suspect_ = Suspect::look;
-  other_ = unsigned{page} * page_bytes;
-  sweep_end_ = other_ + page_bytes;
+  other_ = page * profile_->profile().eeprom_page_bytes;
 }
 
 template <class D>
 void BasicEepromManager<D>::suspect_settled() noexcept {
-  suspect_ = ++other_ < sweep_end_ ? Suspect::look : Suspect::none;
+  suspect_ = Suspect::look;
+  if (++other_ % profile_->profile().eeprom_page_bytes != 0) return;
+  doubted_ &= ~bit(page_of(other_ - 1));
+  begin_sweep();
 }
 
 /// The encoder did something else than it was asked; the echo says what.
 template <class D>
-void BasicEepromManager<D>::on_wrong_echo(std::uint8_t address, Time now) noexcept {
+void BasicEepromManager<D>::on_wrong_echo(const Frame& echo, Time now) noexcept {
   const Profile& p = profile_->profile();
   ++progress_.retries;
   wait_until_ = now + std::max(p.eeprom_write_time, p.eeprom_page_time);
-  const bool wrote_byte = action_ == Action::write;
   doubt_page();
-  if (wrote_byte && suspect_ == Suspect::none) phase_ = Phase::read_back;
-  if (wrote_byte && suspect_ == Suspect::restore) suspect_ = Suspect::look_again;
-  if (address >= p.eeprom_page_bytes) return;  // the page register: it is looked at in any case
-  const unsigned named = unsigned{page_.value_or(0)} * p.eeprom_page_bytes + address;
-  // A second one while the first is not settled: there is only one place to remember it.
-  if (suspect_ != Suspect::none && named != other_) {
-    other_ = named;
-    return fail(Errc::eeprom_mismatch);
-  }
-  other_ = named;
-  sweep_end_ = std::max(sweep_end_, named + 1);
-  if (suspect_ == Suspect::none) sweep_end_ = named + 1;
-  suspect_ = Suspect::look;
+  if (action_ == Action::write && suspect_ == Suspect::none) phase_ = Phase::read_back;
+  if (echo.address() >= p.eeprom_page_bytes) return;  // the page register: it is looked at in any case
+  const std::uint8_t page = page_.value_or(0);
+  const unsigned named = unsigned{page} * p.eeprom_page_bytes + echo.address();
+  const bool is_known = named < known_.known.size() && known_.known[named];
+  if (!is_known) return end({Errc::eeprom_mismatch, page, echo.address(), echo.edf(), echo.edf()});
+  doubt_bytes_of(page);
 }
 
 /// The encoder has taken a write; it is not done yet.
@@ -294,15 +313,15 @@ void BasicEepromManager<D>::on_task_data(std::uint8_t data) noexcept {
   phase_ = Phase::write;
 }
 
-/// A byte that a wrong echo has named: put back what was known of it.
+/// A byte that noise may have changed: what was known of it is put back.
 template <class D>
 void BasicEepromManager<D>::on_suspect_data(std::uint8_t data) noexcept {
-  const bool is_known = !known_.known.empty() && known_.known[other_];
-  if (suspect_ == Suspect::look && other_ == at_)
-    return suspect_settled();  // the task's own: read_back settles it
-  if (!is_known && sweep_end_ - other_ > 1)
-    return suspect_settled();  // one of many, and nothing to compare with
-  if (!is_known) return fail(Errc::eeprom_mismatch, data, data);
+  // The task's own, of which the echo is missing: it is read back anyway.
+  if (other_ == at_ && phase_ == Phase::read_back) return suspect_settled();
+  if (!known_.known[other_]) {
+    progress_.unconfirmed_pages |= bit(page_of(other_));
+    return suspect_settled();
+  }
   if (data == known_.value[other_]) {
     if (suspect_ == Suspect::look_again) ++progress_.repaired;
     return suspect_settled();

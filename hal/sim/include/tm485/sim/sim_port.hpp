@@ -42,6 +42,8 @@ class SimPort {
     if (request.empty() || request.size() > kLongestRequest || now < released_) [[unlikely]] {
       return std::unexpected{Errc::send_failed};
     }
+    if (now >= unplugged_) [[unlikely]]
+      return std::unexpected{Errc::port_gone};
     line_->advance_to(now);
     Time start = now;
     if (config_.start_jitter > Time{0}) start += Time{jitter_.below(config_.start_jitter.count() + 1)};
@@ -56,6 +58,8 @@ class SimPort {
 
   /// `sent` once the last stop bit has left and the driver is off the line.
   [[nodiscard]] Transmission transmission(Time now) const noexcept {
+    if (now >= unplugged_) [[unlikely]]
+      return {.state = Transmission::State::failed, .fault = Errc::port_gone};
     if (released_ == kNothingSent) return {};
     return {.state = now >= released_ ? Transmission::State::sent : Transmission::State::sending};
   }
@@ -63,10 +67,15 @@ class SimPort {
   /// Bytes of one burst at a time, never across a gap. `overrun` if nobody took earlier bytes in time,
   /// `framing_error` if one of these had no stop bit.
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
+    if (now >= unplugged_) [[unlikely]]
+      return {.fault = Errc::port_gone};
     const HostReception heard = line_->host_receive(buffer, now);
     const Errc fault = heard.lost ? Errc::overrun : heard.framing_error ? Errc::framing_error : Errc::ok;
     return {.count = heard.count, .first_start = heard.first_start, .fault = fault};
   }
+
+  /// From `at` on the port is gone, as an adapter that was pulled out. The encoder goes on.
+  void unplug(Time at) noexcept { unplugged_ = at; }
 
  private:
   static constexpr std::size_t kLongestRequest = 4;
@@ -77,6 +86,7 @@ class SimPort {
   PortCapability capability_;
   Random jitter_;
   Time released_ = kNothingSent;
+  Time unplugged_ = kNever;
 };
 
 static_assert(Port<SimPort>);
