@@ -201,6 +201,7 @@ class Bus {
   void finish_startup(Time now) noexcept;
   void finish_background(Time now) noexcept;
   void record(Errc result, Time now) noexcept;
+  [[nodiscard]] Errc line_cause(Errc result) noexcept;
 
   // States.
   void begin_startup(Time now) noexcept;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <concepts>
 
 #include "tm485/bus/bus.hpp"
 
@@ -331,10 +332,38 @@ void Bus<P>::finish(Time now) noexcept {
   finish_background(now);
 }
 
+/// What the port knows of an exchange that failed by its length or its contents: the line's fault is their cause.
+template <Port P>
+Errc Bus<P>::line_cause(Errc result) noexcept {
+  if constexpr (requires(P& port) {
+                  { port.line_fault() } noexcept -> std::same_as<Errc>;
+                }) {
+    switch (result) {
+      case Errc::timeout:
+      case Errc::incomplete_reply:
+      case Errc::overlong_reply:
+      case Errc::line_not_quiet:
+      case Errc::echo_mismatch:
+      case Errc::cf_sync_error:
+      case Errc::cf_parity_error:
+      case Errc::unknown_id:
+      case Errc::cf_mismatch:
+      case Errc::crc_error:
+        break;
+      default:
+        return result;
+    }
+    if (const Errc fault = port_->line_fault(); fault != Errc::ok) return fault;
+  }
+  return result;
+}
+
 template <Port P>
 void Bus<P>::record(Errc result, Time now) noexcept {
-  if (result != Errc::ok) [[unlikely]]
+  if (result != Errc::ok) [[unlikely]] {
+    result = line_cause(result);
     statistics_.count_error(result);
+  }
   record_.kind = kind_;
   record_.id = exchange_.id();
   record_.result = result;

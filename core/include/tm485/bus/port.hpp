@@ -57,7 +57,15 @@ struct Reception {
   Errc fault = Errc::ok;  ///< overrun, framing_error or port_gone seen since the last call
 };
 
-/// The concept. `P` is owned by the bus's context; no function is called from anywhere else.
+/// The concept, four functions and one more that a port may have:
+///
+///     Errc line_fault() noexcept
+///
+/// What the port knows to have gone wrong on the line since the last call: overrun, framing_error, or ok. The bus asks
+/// after an exchange that failed by its length or its contents, to name the cause; a port that finds faults while it
+/// receives puts them into Reception instead.
+///
+/// `P` is owned by the bus's context; no function is called from anywhere else.
 template <class P>
 concept Port = requires(P& port, const P& constant, std::span<const std::uint8_t> request,
                         std::span<std::uint8_t> buffer, Time now) {
