@@ -142,6 +142,15 @@ Reception AnyPort::try_receive(std::span<std::uint8_t> buffer, Time now) noexcep
   return reception;
 }
 
+Errc AnyPort::line_fault() noexcept {
+  return with_port(port_, [](auto& port) {
+    if constexpr (requires { port.line_fault(); })
+      return port.line_fault();
+    else
+      return Errc::ok;
+  });
+}
+
 Time AnyPort::next_event() noexcept {
   Simulated* const simulated = std::get_if<Simulated>(&port_);
   return simulated == nullptr ? kNever : (*simulated)->line().next_event();

@@ -41,6 +41,9 @@ class AnyPort {
   [[nodiscard]] Transmission transmission(Time now) noexcept;
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept;
 
+  /// What the driver has counted since the last call; ok for ports that do not count.
+  [[nodiscard]] Errc line_fault() noexcept;
+
   // What the commands need besides.
   [[nodiscard]] const std::string& text() const noexcept { return text_; }
   /// True if it lives in this process and can run in virtual time.

@@ -11,12 +11,14 @@
 
 #include <cerrno>
 #include <chrono>
+#include <filesystem>
+
+#include "retried.hpp"
 
 namespace tm485::linux_hal {
 namespace {
 
 using std::chrono::microseconds;
-using std::chrono::milliseconds;
 
 // The kernel's numbers for the slave ends of Unix 98 pseudo-terminals.
 constexpr unsigned kFirstPseudoMajor = 136;
@@ -32,9 +34,7 @@ bool is_pseudo(int fd) noexcept {
 /// 0, or the errno that means "another program has it". The kernel gives the lock up even if this program is
 /// killed, and it holds among processes of root, for whom TIOCEXCL does not count.
 int lock(int fd) noexcept {
-  int result = flock(fd, LOCK_EX | LOCK_NB);
-  for (int again = 0; result != 0 && errno == EINTR && again < StreamPort::kReadAttempts; ++again)
-    result = flock(fd, LOCK_EX | LOCK_NB);
+  const int result = retried([fd]() noexcept { return flock(fd, LOCK_EX | LOCK_NB); });
   return result != 0 && errno == EWOULDBLOCK ? EBUSY : 0;
 }
 
@@ -48,12 +48,13 @@ bool set_low_latency(int fd) noexcept {
          (static_cast<unsigned>(serial.flags) & ASYNC_LOW_LATENCY) != 0;
 }
 
-PortCapability capability_of(bool pseudo_terminal, const SerialOptions& options) noexcept {
+PortCapability capability_of(const PortIdentity& identity, const SerialOptions& options) noexcept {
+  const PortLimits limits = port_limits(identity, options.bit_rate);
   PortCapability capability;
-  capability.shortest_exchange = pseudo_terminal ? Time{0} : Time{microseconds(100)};
+  capability.shortest_exchange = limits.shortest_exchange;
   capability.jitter_margin = microseconds(20);
-  capability.latency_allowance = pseudo_terminal ? milliseconds(50) : milliseconds(20);
-  capability.timing = pseudo_terminal ? TimingClass::best_effort : TimingClass::soft;
+  capability.latency_allowance = limits.latency_allowance;
+  capability.timing = limits.best_effort ? TimingClass::best_effort : TimingClass::soft;
   if (options.latency_allowance) capability.latency_allowance = *options.latency_allowance;
   if (options.shortest_exchange) capability.shortest_exchange = *options.shortest_exchange;
   return capability;
@@ -75,10 +76,15 @@ OsError rate_refused(std::string_view path, std::uint32_t asked, std::uint32_t a
   what.append(path).append(": asked for ").append(std::to_string(asked));
   what.append(" bit/s, the driver has set ").append(std::to_string(achieved));
   what.append(" bit/s, which is outside +/-2 %");
-  return {Errc::bad_argument, 0, std::move(what),
-          "use a UART or adapter that can make this rate (for 2500000 bit/s: FT232H, FT2232H, CH343, PL011 "
-          "at 48 MHz; "
-          "not FT232R, CH340, CP2102N), or raise the UART's clock"};
+  return {Errc::bad_argument, 0, std::move(what), std::string(kRateRemedy), "rate_refused"};
+}
+
+OsError chip_unfit(const PortIdentity& identity, std::uint32_t asked, std::uint32_t nearest) {
+  std::string what = "cannot open " + identity.path + ": its chip, " + identity.chip + ", cannot make " +
+                     std::to_string(asked) + " bit/s";
+  if (nearest != 0) what += ", the nearest is " + std::to_string(nearest) + " bit/s";
+  what += " (" + identity.remark + ")";
+  return {Errc::bad_argument, 0, std::move(what), std::string(kRateRemedy), "chip_unfit"};
 }
 
 std::expected<SerialPort, OsError> SerialPort::open(const std::string& path, const SerialOptions& options) {
@@ -87,23 +93,42 @@ std::expected<SerialPort, OsError> SerialPort::open(const std::string& path, con
                                    "give a bit rate above 0 and times that are not negative"});
   }
   // O_NONBLOCK also keeps open() from waiting for a carrier.
-  FileDescriptor fd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  FileDescriptor fd(
+      retried([&path] { return ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC); }));
   if (!fd.valid()) return std::unexpected(serial_error(path, "open", errno));
-  if (isatty(fd.get()) == 0) return std::unexpected(serial_error(path, "isatty", errno));
+  if (const auto terminal = read_settings(fd.get()); !terminal)
+    return std::unexpected(serial_error(path, "TCGETS2", terminal.error()));
   if (options.exclusive) {
     if (const int error_number = lock(fd.get()); error_number != 0)
       return std::unexpected(serial_error(path, "flock", error_number));
   }
-  const auto before = read_settings(fd.get());
+  PortIdentity identity = identify_port(path, options.system);
+  if (is_pseudo(fd.get())) identity.bus = PortBus::pseudo_terminal;
+  const RateAbility ability = rate_ability(identity, options.bit_rate);
+  if (options.refuse_unfit_chip && ability.verdict == RateVerdict::cannot)
+    return std::unexpected(chip_unfit(identity, options.bit_rate, ability.nearest));
+  const auto before = read_settings(fd.get());  // again: nobody else changes them any more
   if (!before) return std::unexpected(serial_error(path, "TCGETS2", before.error()));
 
-  // From here on the destructor puts back what was changed.
   const int number = fd.get();
-  const bool pseudo_terminal = is_pseudo(number);
-  SerialPort port(
-      StreamPort(std::move(fd), StreamKind::tty, options.bit_rate, capability_of(pseudo_terminal, options)),
-      *before);
+  const bool pseudo_terminal = identity.bus == PortBus::pseudo_terminal;
+  const bool low_latency = options.low_latency && set_low_latency(number);
+  LatencyTimer timer;
+  if (options.low_latency && identity.latency_timer_ms)
+    timer = set_latency_timer(identity.name, options.system);
+  if (timer.state != LatencyTimer::State::absent) identity.latency_timer_ms = timer.milliseconds;
+
+  // From here on the destructor puts back what was changed.
+  const PortCapability capability = capability_of(identity, options);
+  SerialPort port(StreamPort(std::move(fd), StreamKind::tty, options.bit_rate, capability), *before,
+                  std::move(identity));
   port.pseudo_terminal_ = pseudo_terminal;
+  port.low_latency_ = low_latency;
+  port.latency_timer_ = timer;
+  port.options_ = options;
+  std::error_code ignored;
+  const bool by_link = std::filesystem::is_symlink(path, ignored);
+  port.reopen_path_ = by_link || port.identity_.stable_path.empty() ? path : port.identity_.stable_path;
   // A pseudo-terminal keeps TIOCEXCL while its other end is open: a client that was killed would lock it
   // for good.
   if (options.exclusive && !pseudo_terminal) {
@@ -115,9 +140,9 @@ std::expected<SerialPort, OsError> SerialPort::open(const std::string& path, con
   if (!rate_acceptable(options.bit_rate, *achieved))
     return std::unexpected(rate_refused(path, options.bit_rate, *achieved));
   port.achieved_rate_ = *achieved;
-  if (options.low_latency) port.low_latency_ = set_low_latency(number);
   // What came before, at whatever rate, belongs to nobody.
-  if (tcflush(number, TCIFLUSH) != 0) return std::unexpected(serial_error(path, "TCFLSH", errno));
+  if (ioctl(number, TCFLSH, TCIFLUSH) != 0) return std::unexpected(serial_error(path, "TCFLSH", errno));
+  (void)port.stream_.line_fault();
   return port;
 }
 
@@ -130,12 +155,41 @@ SerialPort& SerialPort::operator=(SerialPort&& other) noexcept {
   exclusive_ = other.exclusive_;
   low_latency_ = other.low_latency_;
   pseudo_terminal_ = other.pseudo_terminal_;
+  latency_timer_ = other.latency_timer_;
+  identity_ = std::move(other.identity_);
+  options_ = std::move(other.options_);
+  reopen_path_ = std::move(other.reopen_path_);
   return *this;
+}
+
+void SerialPort::close() noexcept {
+  restore();
+  stream_.close();
+}
+
+std::expected<void, OsError> SerialPort::reopen() {
+  close();
+  const PortCapability held = capability();
+  auto port = open(reopen_path_, options_);
+  if (!port) return std::unexpected(std::move(port.error()));
+  const PortCapability offered = port->capability();
+  if (offered.shortest_exchange > held.shortest_exchange ||
+      offered.latency_allowance > held.latency_allowance || offered.timing > held.timing) {
+    return std::unexpected(
+        OsError{Errc::bad_argument, 0,
+                "cannot reopen " + reopen_path_ + ": the device behind it is slower than before",
+                "plug the same adapter in again, or start anew", "another_device"});
+  }
+  port->reopen_path_ = reopen_path_;
+  *this = std::move(*port);
+  return {};
 }
 
 void SerialPort::restore() noexcept {
   const int fd = stream_.descriptor();
-  if (fd < 0) return;           // moved from
+  if (fd < 0) return;  // moved from
+  // Closing a line that does not drain would wait for up to half a minute.
+  if (!pseudo_terminal_) ioctl(fd, TCFLSH, TCOFLUSH);
   write_settings(fd, before_);  // fails if the device is gone: then there is nothing to put back
   if (exclusive_) ioctl(fd, TIOCNXCL);
 }

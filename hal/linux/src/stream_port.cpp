@@ -32,6 +32,23 @@ constexpr bool is_full_or_empty(int error_number) noexcept {
 
 }  // namespace
 
+StreamPort::StreamPort(FileDescriptor fd, StreamKind kind, std::uint32_t bit_rate,
+                       const PortCapability& capability) noexcept
+    : fd_(std::move(fd)),
+      kind_(kind),
+      capability_(capability),
+      character_(kCharacterBits * kSecond / std::int64_t{bit_rate}) {
+  if (kind == StreamKind::socket) {
+    not_counted_ = ENOTTY;
+    return;
+  }
+  const auto counters = read_line_counters(fd_.get());
+  if (counters)
+    at_start_ = seen_ = *counters;
+  else
+    not_counted_ = counters.error();
+}
+
 std::expected<Time, Errc> StreamPort::try_send(std::span<const std::uint8_t> request, Time now) noexcept {
   if (gone_) return std::unexpected(Errc::port_gone);
   std::span<const std::uint8_t> rest = request;
@@ -96,6 +113,22 @@ Reception StreamPort::try_receive(std::span<std::uint8_t> buffer, Time) noexcept
     return {.fault = Errc::port_gone};
   }
   return {};
+}
+
+Errc StreamPort::line_fault() noexcept {
+  if (gone_ || not_counted_ != 0) return Errc::ok;
+  const auto counters = read_line_counters(fd_.get());
+  if (!counters) return Errc::ok;
+  const LineCounters added = counters->since(seen_);
+  seen_ = *counters;
+  return added.cause();
+}
+
+std::expected<LineCounters, int> StreamPort::line_counters() const noexcept {
+  if (not_counted_ != 0) return std::unexpected(not_counted_);
+  const auto counters = read_line_counters(fd_.get());
+  if (!counters) return std::unexpected(counters.error());
+  return counters->since(at_start_);
 }
 
 Errc StreamPort::fail_send(Errc fault) noexcept {

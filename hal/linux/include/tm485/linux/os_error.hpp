@@ -19,6 +19,8 @@ struct OsError {
   int error_number = 0;  ///< errno; 0 if the system reported none (a refused rate)
   std::string what;      ///< path, operation and the system's text
   std::string remedy;    ///< plain words
+  std::string_view name =
+      {};  ///< rate_refused, chip_unfit, another_device; empty: the errno says it. Static storage
 
   /// One line for people: what, then the remedy.
   [[nodiscard]] std::string message() const { return what + "; " + remedy; }

@@ -18,23 +18,20 @@
 #include "tm485/bus/port.hpp"
 #include "tm485/errc.hpp"
 #include "tm485/linux/file_descriptor.hpp"
+#include "tm485/linux/line_counters.hpp"
 #include "tm485/time.hpp"
 
 namespace tm485::linux_hal {
 
 enum class StreamKind : std::uint8_t { tty, socket };
 
-/// One owner: the context of the bus. After the other end is gone every function answers port_gone at once,
+/// One owner: the context of the bus. A tty's faults are counted from the construction on. After the other end is gone every function answers port_gone at once,
 /// without a system call.
 class StreamPort {
  public:
   /// Takes over an open, non-blocking descriptor. `bit_rate` (not 0): when a request is off the line.
   StreamPort(FileDescriptor fd, StreamKind kind, std::uint32_t bit_rate,
-             const PortCapability& capability) noexcept
-      : fd_(std::move(fd)),
-        kind_(kind),
-        capability_(capability),
-        character_(kCharacterBits * kSecond / std::int64_t{bit_rate}) {}
+             const PortCapability& capability) noexcept;
 
   [[nodiscard]] PortCapability capability() const noexcept { return capability_; }
 
@@ -51,6 +48,21 @@ class StreamPort {
   /// What the kernel has: one read(), repeated only if a signal interrupts it (at most kReadAttempts). Fault:
   /// port_gone on a hang-up, an end of stream or an error that a stream does not recover from.
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept;
+
+  /// What the driver has counted since the last call, as the cause of the exchange that failed meanwhile: overrun,
+  /// framing_error, or ok (nothing, or the driver does not count). For the cold path: one system call, and only on a
+  /// tty whose driver counts.
+  [[nodiscard]] Errc line_fault() noexcept;
+  /// The faults since the port was made; a system call. Errors: ENOTTY or EINVAL (this driver does not count; the
+  /// same answer from then on without a call), EIO and others when the port is gone.
+  [[nodiscard]] std::expected<LineCounters, int> line_counters() const noexcept;
+
+  /// Gives the descriptor up: from now on every function answers port_gone. A vanished device keeps its name as long
+  /// as anybody has it open.
+  void close() noexcept {
+    mark_gone(last_errno_);
+    fd_.close();
+  }
 
   /// errno of the last failed system call; 0 if there was none, or if the other end closed in good order.
   [[nodiscard]] int last_errno() const noexcept { return last_errno_; }
@@ -78,6 +90,9 @@ class StreamPort {
   Time character_;
   Time request_end_{0};
   Transmission transmission_;
+  int not_counted_ = 0;  ///< the errno of a driver that does not count
+  LineCounters at_start_;
+  LineCounters seen_;
 };
 
 static_assert(Port<StreamPort>);
