@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 set(libraries tm485_core)
 set(header_folders core/include/)
-foreach(pair IN ITEMS "tm485_design core/design/include/" "tm485_sim hal/sim/include/" "tm485_sim_server hal/sim/include/" "tm485_hal_linux hal/linux/include/")
+foreach(pair IN ITEMS "tm485_hal_mcu hal/mcu/include/" "tm485_design core/design/include/" "tm485_sim hal/sim/include/" "tm485_sim_server hal/sim/include/" "tm485_hal_linux hal/linux/include/")
   separate_arguments(pair)
   list(GET pair 0 target)
   list(GET pair 1 folder)
@@ -32,10 +32,13 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/tm485ConfigVersion.cmake 
 install(FILES ${PROJECT_BINARY_DIR}/tm485Config.cmake ${PROJECT_BINARY_DIR}/tm485ConfigVersion.cmake
   DESTINATION ${package_folder})
 
-# A static library comes before those that it needs.
+# A static library comes before those that it needs; one of headers only is no file.
 set(TM485_PC_LIBS "")
 foreach(target IN LISTS libraries)
-  string(PREPEND TM485_PC_LIBS " -l${target}")
+  get_target_property(type ${target} TYPE)
+  if(NOT type STREQUAL "INTERFACE_LIBRARY")
+    string(PREPEND TM485_PC_LIBS " -l${target}")
+  endif()
 endforeach()
 set(pc_folder ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 file(RELATIVE_PATH TM485_PC_PREFIX "/p/${pc_folder}" /p)

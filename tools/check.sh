@@ -29,7 +29,7 @@ step_format() {
   sources '*.hpp' '*.h' '*.cpp' '*.c' | xargs -r -P "$jobs" -n 16 clang-format-19 --dry-run -Werror 2>&1 | head -n 60
 }
 
-about[headers]="each public header compiles alone, twice included: GCC, Clang 19, the core's also for Cortex-M"
+about[headers]="each public header compiles alone, twice included: GCC, Clang 19, those of core and hal/mcu also for Cortex-M"
 # header_alone HEADER COMPILER...
 header_alone() {
   local header=$1
@@ -41,17 +41,18 @@ header_alone() {
 step_headers() {
   local part headers header name own compiler flags="-std=c++23 -fsyntax-only ${warnings[*]} -Icore/include"
   export -f header_alone
-  for part in core core/design hal/sim hal/linux; do
-    # A hal's headers see the core and their own folder, and no other.
+  for part in core core/design hal/sim hal/mcu hal/linux; do
+    # A hal's headers see the core and their own folder, and no other; those of linux see the register drivers too.
     own="-I$part/include"
+    [[ $part != hal/linux ]] || own+=" -Ihal/mcu/include"
     headers=$(sources "$part/include/*.hpp") || exit
     for header in $headers; do
       name=${header#*/include/}
       for compiler in g++ clang++-19; do
         printf '%s %s %s %s\n' "$name" "$compiler" "$flags" "$own"
       done
-      if [[ $part == core ]]; then
-        printf '%s arm-none-eabi-g++ -mcpu=cortex-m0plus -mthumb -fno-exceptions -fno-rtti %s\n' "$name" "$flags"
+      if [[ $part == core || $part == hal/mcu ]]; then
+        printf '%s arm-none-eabi-g++ -mcpu=cortex-m0plus -mthumb -fno-exceptions -fno-rtti %s %s\n' "$name" "$flags" "$own"
       fi
     done
   done | xargs -P "$jobs" -L 1 bash -c 'header_alone "$@"' header_alone

@@ -28,8 +28,9 @@ ALLOWED = {
     "umbrella": CORE | {"umbrella"},
     "design": {"base", "motion", "design"},  # solves what motion's estimators use; nothing below knows it
     "sim": CORE | {"sim"},
-    "linux": CORE | {"linux"},
-    "user": CORE | {"umbrella", "design", "sim", "linux", "user"},
+    "mcu": CORE | {"mcu"},
+    "linux": CORE | {"linux", "mcu"},  # mcu: the register drivers, for memory-mapped UARTs (docs/adr/0012)
+    "user": CORE | {"umbrella", "design", "sim", "mcu", "linux", "user"},
 }
 
 # The folders of the zones, the first match counts. A source in core/src itself has the zone of the header that it
@@ -47,6 +48,7 @@ ZONES = [
     ("core/src/bus/", "bus"),
     ("core/design/", "design"),
     ("hal/sim/", "sim"),
+    ("hal/mcu/", "mcu"),
     ("hal/linux/", "linux"),
     ("tools/", "user"),
     ("tests/", "user"),
@@ -55,11 +57,14 @@ ZONES = [
     ("integrations/", "user"),
 ]
 
-INCLUDE_FOLDERS = ["core/include", "core/design/include", "hal/sim/include", "hal/linux/include"]
+INCLUDE_FOLDERS = ["core/include", "core/design/include", "hal/sim/include", "hal/mcu/include", "hal/linux/include"]
 
-# The simulated encoder and its line judge the codecs, so they share nothing with them, not even indirectly.
+# The simulated encoder and its line judge the codecs, so they share nothing with them, not even indirectly. So do the
+# models of UARTs and the register drivers.
 JUDGES = re.compile(r"^hal/sim/.*/(encoder_model|line|motion_profile)[^/]*\.(hpp|cpp)$")
 JUDGES_MAY = re.compile(r"^(core/include/tm485/time\.hpp|hal/sim/include/tm485/sim/[^/]+\.hpp)$")
+
+UART_MODELS = re.compile(r"^tests/mcu/(models|line)/[^/]*\.(hpp|cpp)$")
 
 CORE_STD = set(
     "algorithm array atomic bit chrono compare concepts cstddef cstdint cstring expected initializer_list limits "
@@ -172,6 +177,10 @@ def check_layers(tree):
 
 def check_judges(tree):
     for name in tree.sources:
+        if UART_MODELS.match(name):
+            for number, spelling, target in tree.includes[name]:
+                if target is not None and tree.zone(target) == "mcu":
+                    yield name, number, "judge", f"shares code with what it judges: {spelling}"
         if not JUDGES.match(name):
             continue
         seen, waiting = {name}, [(name, [])]
@@ -189,10 +198,14 @@ def check_judges(tree):
                     yield name, line, "judge", f"shares code with what it judges: {way}"
 
 
+def runs_on_microcontrollers(tree, name):
+    # core/design is a library of its own, for hosts: it may use all of the standard library, and Eigen.
+    return name.startswith(("core/", "hal/mcu/")) and tree.zone(name) != "design"
+
+
 def check_core_headers(tree):
     for name in tree.sources:
-        # core/design is a library of its own, for hosts: it may use all of the standard library, and Eigen.
-        if name.startswith("core/") and tree.zone(name) != "design":
+        if runs_on_microcontrollers(tree, name):
             for number, spelling, target in tree.includes[name]:
                 if target is None and spelling not in CORE_STD and not spelling.startswith("tm485/"):
                     yield name, number, "core-header", f"<{spelling}> is not among the headers that the core may use"
@@ -200,7 +213,7 @@ def check_core_headers(tree):
 
 def check_clock(tree):
     for name in tree.sources:
-        if name.startswith("core/"):
+        if name.startswith(("core/", "hal/mcu/")):
             for number, line in enumerate(tree.text[name], 1):
                 match = CLOCK.search(line)
                 if match:
@@ -248,6 +261,12 @@ SEEDS = [
     ("core/include/tm485/motion/a.hpp", "#include <Eigen/Dense>", "core-header", "<Eigen/Dense>"),
     ("hal/linux/src/a.cpp", '#include "tm485/sim/line.hpp"', "layer", "linux must not include sim"),
     ("hal/sim/src/a.cpp", '#include "tm485/linux/l.hpp"', "layer", "sim must not include linux"),
+    ("hal/sim/src/a.cpp", '#include "tm485/mcu/u.hpp"', "layer", "sim must not include mcu"),
+    ("hal/mcu/include/tm485/mcu/a.hpp", '#include "tm485/linux/l.hpp"', "layer", "mcu must not include linux"),
+    ("hal/mcu/include/tm485/mcu/a.hpp", '#include "tm485/sim/line.hpp"', "layer", "mcu must not include sim"),
+    ("hal/mcu/include/tm485/mcu/a.hpp", "#include <string>", "core-header", "<string>"),
+    ("core/include/tm485/bus/a.hpp", '#include "tm485/mcu/u.hpp"', "layer", "bus must not include mcu"),
+    ("tests/mcu/models/a.hpp", '#include "tm485/mcu/u.hpp"', "judge", "shares code"),
     ("hal/sim/src/a.cpp", '#include "../../../tools/tm485/t.hpp"', "layer", "sim must not include user"),
     ("hal/sim/src/encoder_model.cpp", '#include "tm485/protocol/p.hpp"', "judge", "shares code"),
     ("hal/sim/src/line_faults.cpp", '#include "tm485/errc.hpp"', "judge", "shares code"),
@@ -278,7 +297,8 @@ CLEAN = {
     "hal/sim/include/tm485/sim/line.hpp": '#include "tm485/time.hpp"\n#include <vector>',
     "hal/sim/include/tm485/sim/port.hpp": '#include "tm485/bus/b.hpp"',
     "hal/sim/src/encoder_model.cpp": '#include "tm485/sim/line.hpp"',
-    "hal/linux/include/tm485/linux/l.hpp": '#include "tm485/bus/b.hpp"\n#include <string>',
+    "hal/mcu/include/tm485/mcu/u.hpp": '#include "tm485/bus/b.hpp"\n#include <array>',
+    "hal/linux/include/tm485/linux/l.hpp": '#include "tm485/bus/b.hpp"\n#include "tm485/mcu/u.hpp"\n#include <string>',
     "tools/tm485/t.hpp": '#include "tm485/linux/l.hpp"\n#include "tm485/sim/port.hpp"',
     "tools/tm485/t.cpp": '#include "t.hpp"',
     "docs/a.md": "a stubborn text of works/ and a root",
