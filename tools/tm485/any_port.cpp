@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "mmio_text.hpp"
 #include "tm485/sim/sim_options.hpp"
 
 namespace tm485::cli {
@@ -12,15 +13,18 @@ namespace {
 
 constexpr std::string_view kSim = "sim:";
 constexpr std::string_view kUnix = "unix:";
+constexpr std::string_view kMmio = "mmio:";
 constexpr std::string_view kDefaultProfile = "tm485_17";
 
 /// What a thread that spins on a quiet machine is late at most.
 constexpr Time kHostJitter = std::chrono::microseconds(20);
 
 Problem bad_port(const std::string& text, std::string_view why) {
-  return usage_problem("bad_port", fmt::format("'{}': {}", text, why),
-                       "PORT is sim: (for example sim:rpm=3000,profile=tformat_17), a serial device such as "
-                       "/dev/ttyUSB0, or unix:PATH");
+  return usage_problem(
+      "bad_port", fmt::format("'{}': {}", text, why),
+      fmt::format("PORT is sim: (for example sim:rpm=3000,profile=tformat_17), a serial device "
+                  "such as /dev/ttyUSB0, unix:PATH, or {}",
+                  mmio_usage()));
 }
 
 Problem open_problem(const linux_hal::OsError& error) {
@@ -56,6 +60,14 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
     if (!options) return std::unexpected(bad_port(text, options.error()));
     return std::make_shared<sim::SimulatedEncoder>(*options);
   }
+  if (text.starts_with(kMmio)) {
+    auto options = parse_mmio(std::string_view(text).substr(kMmio.size()));
+    if (!options) return std::unexpected(bad_port(text, options.error()));
+    options->bit_rate = bit_rate;
+    auto port = linux_hal::MmioUart::open(*options);
+    if (!port) return std::unexpected(open_problem(port.error()));
+    return std::move(*port);
+  }
   const bool named_unix = text.starts_with(kUnix);
   const std::string path = named_unix ? text.substr(kUnix.size()) : text;
   if (path.empty()) return std::unexpected(bad_port(text, "no path"));
@@ -67,7 +79,7 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
     return std::move(*port);
   }
   if (path.find('/') == std::string::npos)
-    return std::unexpected(bad_port(text, "this is none of the three kinds of port"));
+    return std::unexpected(bad_port(text, "this is none of the kinds of port that there are"));
   linux_hal::SerialOptions options;
   options.bit_rate = bit_rate;
   auto port = linux_hal::SerialPort::open(path, options);

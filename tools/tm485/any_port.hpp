@@ -1,4 +1,4 @@
-// AnyPort: what the PORT of a command line stands for: `sim:...`, a serial device, `unix:PATH`.
+// AnyPort: what the PORT of a command line stands for: `sim:...`, a serial device, `unix:PATH`, `mmio:...`.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,7 @@
 
 #include "problem.hpp"
 #include "tm485/bus/port.hpp"
+#include "tm485/linux/mmio_uart.hpp"
 #include "tm485/linux/serial_port.hpp"
 #include "tm485/linux/unix_port.hpp"
 #include "tm485/sim/simulated_encoder.hpp"
@@ -57,7 +58,7 @@ class AnyPort {
 
  private:
   using Simulated = std::shared_ptr<sim::SimulatedEncoder>;
-  using Variant = std::variant<Simulated, linux_hal::SerialPort, linux_hal::UnixPort>;
+  using Variant = std::variant<Simulated, linux_hal::SerialPort, linux_hal::UnixPort, linux_hal::MmioUart>;
 
   AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time, Variant port)
       : text_(std::move(text)), bit_rate_(bit_rate), virtual_time_(virtual_time), port_(std::move(port)) {}

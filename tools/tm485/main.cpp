@@ -14,7 +14,13 @@ namespace {
 using namespace tm485::cli;
 
 constexpr const char* kPortHelp =
-    "sim: (simulated, for example sim:rpm=3000,profile=tformat_17), a serial device, or unix:PATH";
+    "sim: (simulated, for example sim:rpm=3000,profile=tformat_17), a serial device, unix:PATH,\n"
+    "or a memory-mapped UART: mmio:pl011@0x9000000,clock=48MHz";
+
+constexpr const char* kMmioKeys =
+    "Keys of mmio:pl011@ADDRESS and mmio:16550@ADDRESS: clock, uio, shift, width, direction (none, rts, "
+    "rts_off), "
+    "lead,\nrelease, allowance, memory; for example mmio:16550@0xfe215040,clock=500MHz,shift=2";
 
 constexpr const char* kSimKeys =
     "Keys of sim: profile, rpm, accel, cruise, motion, start, turn, seed, enid, sf, almc, t2, latch_offset, "
@@ -77,8 +83,9 @@ void add_info(CLI::App& root, Commands& commands) {
   add_port_options(app, commands.info.port);
   app.footer(std::string("Exit code 1 if the encoder does not answer or reports a fault.\nExamples:\n"
                          "  tm485 info /dev/ttyUSB0\n"
+                         "  tm485 info mmio:pl011@0xfe201000,clock=48MHz\n"
                          "  tm485 info sim:almc=40,profile=tformat_17_battery --json\n") +
-             kSimKeys);
+             kSimKeys + "\n" + kMmioKeys);
 }
 
 void add_read(CLI::App& root, Commands& commands) {

@@ -47,6 +47,37 @@ constexpr std::array kSocketRemedies{
     Remedy{EMFILE, "this program has too many files open: close some, or raise 'ulimit -n'"},
 };
 
+constexpr std::array kMappingRemedies{
+    Remedy{ENOENT,
+           "check the name; a kernel without /dev/mem needs UIO (uio=/dev/uioN, 'modprobe uio_pdrv_genirq')"},
+    Remedy{EACCES, "run as root, or give the group of this program the UIO device (uio=/dev/uioN)"},
+    Remedy{
+        EPERM,
+        "the kernel keeps this memory for itself: boot with iomem=relaxed (and without lockdown), or use UIO "
+        "(uio=/dev/uioN)"},
+    Remedy{EBUSY, "another program has mapped this UART: stop it"},
+    Remedy{EFAULT, "nothing answers at this address: check it against the device tree or the manual"},
+    Remedy{ENOTTY, "this is no UIO device: give a path such as /dev/uio0 (ls /sys/class/uio)"},
+    Remedy{EINVAL,
+           "check the address against the device's own (/sys/class/uio/*/maps/map0, or the device tree)"},
+    Remedy{EISDIR, "this is a folder: give the path of the device itself"},
+    Remedy{ENXIO, "the device behind this node is gone"},
+    Remedy{ENODEV, "this file cannot be mapped: give /dev/mem or a UIO device"},
+    Remedy{EMFILE, "this program has too many files open: close some, or raise 'ulimit -n'"},
+};
+
+constexpr std::span<const Remedy> table_of(Resource resource) noexcept {
+  switch (resource) {
+    case Resource::serial_port:
+      return kSerialRemedies;
+    case Resource::unix_socket:
+      return kSocketRemedies;
+    case Resource::mapped_uart:
+      break;
+  }
+  return kMappingRemedies;
+}
+
 constexpr std::string_view kOther = "not expected here: look at the kernel's messages (journalctl -k)";
 
 constexpr bool is_absent(int error_number) noexcept {
@@ -56,10 +87,7 @@ constexpr bool is_absent(int error_number) noexcept {
 }  // namespace
 
 std::string_view remedy_for(Resource resource, int error_number) noexcept {
-  const std::span<const Remedy> table = resource == Resource::serial_port
-                                            ? std::span<const Remedy>(kSerialRemedies)
-                                            : std::span<const Remedy>(kSocketRemedies);
-  for (const Remedy& remedy : table)
+  for (const Remedy& remedy : table_of(resource))
     if (remedy.error_number == error_number) return remedy.text;
   return kOther;
 }
