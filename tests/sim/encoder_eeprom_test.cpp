@@ -249,5 +249,13 @@ TEST(EepromImage, TheSettledOneHasAWriteOnceItIsComplete) {
   EXPECT_EQ(eeprom.generation(ms(11)), before + 2);
 }
 
+TEST(EncoderEeprom, BusyFromTheStartUntilTheInstantThatWasAsked) {
+  EncoderConfig config;
+  config.eeprom.busy_at_start = ms(5);
+  EncoderModel encoder{config};
+  EXPECT_EQ(ask(encoder, ms(4), read_request(0)).at(1), 0x80);
+  EXPECT_EQ(ask(encoder, ms(5), read_request(0)).at(1), 0x00);
+}
+
 }  // namespace
 }  // namespace tm485::sim

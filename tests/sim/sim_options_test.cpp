@@ -77,6 +77,19 @@ TEST(SimOptions, EveryKeyIsTaken) {
   EXPECT_DOUBLE_EQ(options.lost_replies, 0.3);
 }
 
+TEST(SimOptions, FaultsOfTheWiringAreTaken) {
+  EXPECT_EQ(good("swap=pair").swap, Swap::pair);
+  EXPECT_EQ(good("swap=receive").swap, Swap::receive);
+  EXPECT_DOUBLE_EQ(good("glitch=0.25").glitches, 0.25);
+  EXPECT_FALSE(good("power=off").power);
+  EXPECT_TRUE(good("power=on").power);
+  EXPECT_EQ(good("eeprom_busy=2s").encoder.eeprom.busy_at_start, ms(2000));
+  const SimOptions healthy = good("");
+  EXPECT_EQ(healthy.swap, Swap::none);
+  EXPECT_DOUBLE_EQ(healthy.glitches, 0.0);
+  EXPECT_TRUE(healthy.power);
+}
+
 TEST(SimOptions, EveryKeyOfTheEepromIsTaken) {
   const SimOptions options = good(
       "standstill=2.5,eeprom_pages=6,eeprom_write=5ms..12ms,eeprom_page=20ms,eeprom_ack=busy,eeprom_deaf,"
@@ -159,6 +172,11 @@ TEST(SimOptions, BadValuesNameTheirKey) {
                                       "ber=2",
                                       "ber=0:0:0",
                                       "lost=-1",
+                                      "glitch=1.5",
+                                      "swap=",
+                                      "swap=none",
+                                      "power=low",
+                                      "eeprom_busy=1",
                                       "motion=spin:1",
                                       "motion=sine:1",
                                       "profile=",

@@ -55,9 +55,11 @@ auto with_port(Variant& port, const Function& function) noexcept {
 std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string& text,
                                                                std::uint32_t bit_rate) {
   if (text == "sim" || text.starts_with(kSim)) {
-    const auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
-                                                              : std::string_view(text).substr(kSim.size()));
+    auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
+                                                        : std::string_view(text).substr(kSim.size()));
     if (!options) return std::unexpected(bad_port(text, options.error()));
+    options->line.encoder_bits_per_second = options->line.bits_per_second;
+    options->line.bits_per_second = bit_rate;
     return std::make_shared<sim::SimulatedEncoder>(*options);
   }
   if (text.starts_with(kMmio)) {

@@ -25,7 +25,8 @@ constexpr const char* kMmioKeys =
 constexpr const char* kSimKeys =
     "Keys of sim: profile, rpm, accel, cruise, motion, start, turn, seed, enid, sf, almc, t2, latch_offset, "
     "boot, echo,\n"
-    "jitter, margin, release, baud, ber, lost; for example sim:rpm=3000,ber=1e-6,almc=40";
+    "jitter, margin, release, baud, ber, lost, glitch, swap, power, eeprom_busy; for example "
+    "sim:rpm=3000,ber=1e-6,almc=40";
 
 /// Everything that the options of all sub-commands are put into.
 struct Commands {

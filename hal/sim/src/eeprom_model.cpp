@@ -17,6 +17,7 @@ EepromModel::EepromModel(const EepromConfig& config) noexcept
   assert(config.pages >= 1 && config.pages <= kPages);
   assert(config.write_time_min <= config.write_time_max);
   image_.fill(kErased);
+  on_power_up();
 }
 
 bool EepromModel::write(std::uint8_t address, std::uint8_t value, Time start) noexcept {
@@ -72,7 +73,7 @@ void EepromModel::on_power_off(Time at) noexcept {
 
 void EepromModel::on_power_up() noexcept {
   if (config_.page_volatile) page_ = config_.power_up_page;
-  busy_until_ = -kNever;
+  busy_until_ = config_.busy_at_start > Time{0} ? config_.busy_at_start : -kNever;
   next_allowed_ = -kNever;
 }
 

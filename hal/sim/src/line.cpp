@@ -100,10 +100,45 @@ inline void Line::commit(Entry& entry) noexcept {
   bool altered = false;
   if (hook_ != nullptr) [[unlikely]]
     altered = hook_->on_burst(burst);
+  if (distortion_ != nullptr) [[unlikely]] {
+    distort(entry);
+    return;
+  }
+  enter(entry, altered);
+}
+
+/// Each listener hears the burst in its own way: the host's own echo and what the encoder hears become two entries.
+void Line::distort(Entry& entry) noexcept {
+  if (entry.burst.talker == Talker::encoder) {
+    distortion_->encoder_at_host(entry.burst);
+    enter(entry, true);
+    return;
+  }
+  if (entry.burst.talker != Talker::host) {
+    enter(entry, true);
+    return;
+  }
+  const Burst sent = entry.burst;
+  if (echo_) {
+    distortion_->host_at_host(entry.burst);
+    enter(entry, true);
+    entry.unheard = true;
+  }
+  Entry* const at_encoder = echo_ ? make_room() : &entry;
+  if (at_encoder == nullptr) return;
+  at_encoder->burst = sent;
+  distortion_->host_at_encoder(at_encoder->burst);
+  enter(*at_encoder, true);
+  at_encoder->audible = false;
+}
+
+inline void Line::enter(Entry& entry, bool altered) noexcept {
+  Burst& burst = entry.burst;
   entry.end = burst.start + character_time_ * burst.count;
   entry.settled = 0;
   entry.taken = 0;
   entry.contended = false;
+  entry.unheard = false;
   const bool from_host = burst.talker == Talker::host;
   entry.audible = !from_host || echo_;
   entry.judged = from_host && !altered ? Judged::yes : Judged::no;
@@ -177,7 +212,7 @@ inline void Line::settle_character(Entry& entry) noexcept {
   const std::uint8_t k = entry.settled++;
   if (entry.contended) [[unlikely]]
     corrupt_if_overlapped(entry, k);
-  if (burst.talker == Talker::encoder || encoder_ == nullptr) return;
+  if (burst.talker == Talker::encoder || encoder_ == nullptr || entry.unheard) return;
 
   Entry* room = make_room();
   const Time end = end_of(entry, k);

@@ -11,30 +11,6 @@ namespace {
 
 using Result = std::expected<void, std::string>;
 
-struct Named {
-  std::string_view name;
-  Flavour flavour;
-  unsigned single_turn_bits;
-  std::uint8_t enid;
-  bool multi_turn;
-  bool battery;
-};
-constexpr std::array<Named, 9> kProfiles{{
-    {"tm485_17", Flavour::tm485, 17, 0x11, true, false},
-    {"tm485_17_battery", Flavour::tm485, 17, 0x11, true, true},
-    {"tm485_17_st", Flavour::tm485, 17, 0x00, false, false},
-    {"tm485_23", Flavour::tm485, 23, 0x17, true, false},
-    {"tm485_23_battery", Flavour::tm485, 23, 0x17, true, true},
-    {"tformat_17", Flavour::t_format, 17, 0x11, true, false},
-    {"tformat_17_battery", Flavour::t_format, 17, 0x11, true, true},
-    {"tformat_23", Flavour::t_format, 23, 0x17, true, false},
-    {"tformat_23_battery", Flavour::t_format, 23, 0x17, true, true},
-}};
-
-/// What a T-format encoder without a battery reports for ever.
-constexpr std::uint8_t kNoBatterySf = 0x20;
-constexpr std::uint8_t kNoBatteryAlmc = 0xC1;
-
 constexpr double kMaxRpm = 1e6;
 constexpr double kMaxRevolutions = 1e9;
 constexpr double kMaxSeconds = 1e6;
@@ -95,7 +71,7 @@ class Parser {
     std::string_view name;
     Result (Parser::*read)(std::string_view key, std::string_view value);
   };
-  static const std::array<Key, 31> kKeys;
+  static const std::array<Key, 35> kKeys;
 
   template <class To>
   static Result put(To& to, const auto& value, std::string_view key, std::string_view text,
@@ -192,6 +168,18 @@ class Parser {
     return put(options_.lost_replies, number(value, 0.0, 1.0), key, value, "a probability 0..1");
   }
 
+  Result read_glitch(std::string_view key, std::string_view value) {
+    return put(options_.glitches, number(value, 0.0, 1.0), key, value, "a probability 0..1");
+  }
+  Result read_swap(std::string_view key, std::string_view value) {
+    const auto swap = value == "pair"      ? std::optional{Swap::pair}
+                      : value == "receive" ? std::optional{Swap::receive}
+                                           : std::nullopt;
+    return put(options_.swap, swap, key, value, "pair or receive");
+  }
+  Result read_power(std::string_view key, std::string_view value) {
+    return put(options_.power, on_off(value), key, value, "on or off");
+  }
   Result read_standstill(std::string_view key, std::string_view value) {
     return put(standstill_, number(value, 0.0, kMaxRpm), key, value, "revolutions a minute, 0..1e6");
   }
@@ -227,6 +215,9 @@ class Parser {
   }
   Result read_eeprom_fail(std::string_view key, std::string_view value) {
     return put(eeprom_.failed_writes, number(value, 0.0, 1.0), key, value, "a probability 0..1");
+  }
+  Result read_eeprom_busy(std::string_view key, std::string_view value) {
+    return put(eeprom_.busy_at_start, time_span(value, kMaxBoot), key, value, "a time to 3600s such as 5ms");
   }
   Result read_eeprom_seed(std::string_view key, std::string_view value) {
     return put(eeprom_seed_, integer<std::uint64_t>(value), key, value, "a whole number from 0");
@@ -264,7 +255,7 @@ class Parser {
   }
 
   SimOptions options_;
-  std::string_view profile_ = kProfiles[0].name;
+  std::string_view profile_ = "tm485_17";
   std::string_view motion_;
   std::optional<double> rpm_;
   std::optional<double> accel_;
@@ -282,7 +273,7 @@ class Parser {
   std::optional<std::uint64_t> eeprom_seed_;
 };
 
-const std::array<Parser::Key, 31> Parser::kKeys{{
+const std::array<Parser::Key, 35> Parser::kKeys{{
     {"profile", &Parser::read_profile},
     {"rpm", &Parser::read_rpm},
     {"accel", &Parser::read_accel},
@@ -304,6 +295,9 @@ const std::array<Parser::Key, 31> Parser::kKeys{{
     {"baud", &Parser::read_baud},
     {"ber", &Parser::read_ber},
     {"lost", &Parser::read_lost},
+    {"glitch", &Parser::read_glitch},
+    {"swap", &Parser::read_swap},
+    {"power", &Parser::read_power},
     {"standstill", &Parser::read_standstill},
     {"eeprom_pages", &Parser::read_eeprom_pages},
     {"eeprom_write", &Parser::read_eeprom_write},
@@ -313,33 +307,11 @@ const std::array<Parser::Key, 31> Parser::kKeys{{
     {"eeprom_volatile", &Parser::read_eeprom_volatile},
     {"eeprom_start", &Parser::read_eeprom_start},
     {"eeprom_fail", &Parser::read_eeprom_fail},
+    {"eeprom_busy", &Parser::read_eeprom_busy},
     {"eeprom_seed", &Parser::read_eeprom_seed},
 }};
 
 }  // namespace
-
-std::expected<EncoderConfig, std::string> encoder_for_profile(std::string_view profile) {
-  for (const Named& known : kProfiles) {
-    if (known.name != profile) continue;
-    EncoderConfig config;
-    config.flavour = known.flavour;
-    config.single_turn_bits = known.single_turn_bits;
-    config.enid = known.enid;
-    config.multi_turn = known.multi_turn;
-    config.battery = known.battery;
-    if (known.flavour == Flavour::t_format) {
-      config.start_turn = 0;
-      if (!known.battery) {
-        config.sf = kNoBatterySf;
-        config.almc = kNoBatteryAlmc;
-      }
-    }
-    return config;
-  }
-  std::string message = "unknown profile '" + std::string{profile} + "': known are";
-  for (const Named& known : kProfiles) message += " " + std::string{known.name};
-  return std::unexpected{message};
-}
 
 std::expected<SimOptions, std::string> parse_sim_options(std::string_view text) {
   Parser parser;

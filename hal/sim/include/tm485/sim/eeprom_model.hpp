@@ -31,6 +31,7 @@ struct EepromConfig {
   Time write_interval =
       std::chrono::milliseconds{10};  ///< least span from a write to the next write, judged only
   Time page_interval = std::chrono::milliseconds{18};  ///< the same from a page select
+  Time busy_at_start{0};   ///< busy until this instant, at whatever power-up before it
   std::uint64_t seed = 1;  ///< of busy times, failed writes, what a power loss leaves
 };
 
@@ -64,7 +65,7 @@ class EepromModel {
   /// being changed has either value. Everything else is intact.
   void on_power_off(Time at) noexcept;
 
-  /// Power-up: the bytes stay, a volatile page register does not; not busy.
+  /// Power-up: the bytes stay, a volatile page register does not; not busy, unless EepromConfig::busy_at_start says so.
   void on_power_up() noexcept;
 
   /// All bytes, page after page, `pages` * 127 of them. A write under way counts as done.

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <span>
 
+#include "tm485/sim/distortion.hpp"
 #include "tm485/sim/encoder_model.hpp"
 #include "tm485/sim/fault_hook.hpp"
 #include "tm485/sim/random.hpp"
@@ -20,6 +21,7 @@ namespace tm485::sim {
 
 struct LineConfig {
   std::int64_t bits_per_second = 2'500'000;  ///< 1..10^9; a character is 10 bits, rounded to whole ns
+  std::int64_t encoder_bits_per_second = 0;  ///< 0: the same; another one needs a Distortion to be felt
   bool echo = false;                         ///< the host hears its own characters
   std::uint64_t seed = 1;                    ///< of the garbage that a collision makes
 };
@@ -71,6 +73,10 @@ class Line {
   /// Sets the fault that sees every burst from now on; null for none. It must outlive its use.
   void set_fault_hook(FaultHook* hook) noexcept { hook_ = hook; }
 
+  /// Sets what the receivers make of every burst from now on, after the fault hook; null: they hear what was sent. It
+  /// must outlive its use.
+  void set_distortion(Distortion* distortion) noexcept { distortion_ = distortion; }
+
   void set_echo(bool echo) noexcept { echo_ = echo; }
 
   [[nodiscard]] Time character_time() const noexcept { return character_time_; }
@@ -85,6 +91,7 @@ class Line {
     std::uint8_t settled = 0;  // characters whose time has passed
     std::uint8_t taken = 0;    // characters that the host has fetched
     bool audible = false;      // to the host
+    bool unheard = false;      // by the encoder
     bool contended = false;    // its driver interval meets another talker's
     Judged judged = Judged::no;
   };
@@ -97,6 +104,8 @@ class Line {
   Entry* make_room() noexcept;
   bool drop_oldest() noexcept;
   void commit(Entry& entry) noexcept;
+  void enter(Entry& entry, bool altered) noexcept;
+  void distort(Entry& entry) noexcept;
   void mark_contention(Entry& added) noexcept;
   void skip_done() noexcept;
   void settle(Time until) noexcept;
@@ -109,6 +118,7 @@ class Line {
 
   EncoderModel* encoder_;
   FaultHook* hook_ = nullptr;
+  Distortion* distortion_ = nullptr;
   Time character_time_;
   Time processed_ = -kNever;
   bool echo_;

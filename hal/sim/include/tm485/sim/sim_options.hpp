@@ -22,6 +22,9 @@ struct SimOptions {
   double request_bit_errors = 0.0;  ///< probability of a wrong bit in requests, 0..1
   double reply_bit_errors = 0.0;    ///< probability of a wrong bit in replies, 0..1
   double lost_replies = 0.0;        ///< probability of a reply that does not come, 0..1
+  Swap swap = Swap::none;           ///< a pair that is connected the wrong way round
+  double glitches = 0.0;            ///< probability of a false start bit before a reply, 0..1
+  bool power = true;                ///< false: the encoder has no supply
   std::uint64_t seed = 1;           ///< of the faults; `seed=` in the text sets every seed
 };
 
@@ -44,9 +47,12 @@ struct SimOptions {
 ///   echo[=on|off]       the host hears itself
 ///   jitter=T            requests start up to T late; margin=T states it in the port's capability
 ///   release=T           the host's driver leaves the line T after the last stop bit
-///   baud=N              bits per second
+///   baud=N              bits per second of the encoder, and of the host unless its port was opened at another rate
 ///   ber=P or ber=P:P    probability of a wrong bit, in requests and in replies
 ///   lost=P              probability of a lost reply
+///   glitch=P            probability of a false start bit on the idle line before a reply
+///   swap=pair|receive   A and B swapped, for both ends or for what the host receives
+///   power=on|off        off: no supply, so no reply
 ///   standstill=RPM      ID8 is refused above this speed (0.1)
 ///   eeprom_pages=N      1..7 (7)
 ///   eeprom_write=T or T..T     busy after a write (10ms)
@@ -56,6 +62,7 @@ struct SimOptions {
 ///   eeprom_volatile=on|off     whether a power cycle selects the page of power-up again (on)
 ///   eeprom_start=N      page at power-up (0)
 ///   eeprom_fail=P       probability of a write that leaves the old value
+///   eeprom_busy=T       busy for this long from the start
 ///   eeprom_seed=N       of busy times, failed writes and what a power loss leaves; without it from seed=
 /// The error names the key or value that is wrong and what is known instead. May allocate: set-up only.
 [[nodiscard]] std::expected<SimOptions, std::string> parse_sim_options(std::string_view text);
