@@ -15,3 +15,4 @@ replace() { # DOCUMENT BLOCK
 }
 for block in errors status; do replace docs/errors.md "$block"; done
 for block in exchanges timing presets alarms; do replace docs/protocol.md "$block"; done
+replace docs/doctor.md findings

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "doctor/finding_table.hpp"
 #include "tm485/errc.hpp"
 #include "tm485/protocol/profile.hpp"
 
@@ -78,6 +79,12 @@ void errors() {
     const ErrorInfo& info = describe(static_cast<Errc>(i));
     row({code(info.name), name_of(info.error_class), text(info.cause), text(info.remedy)});
   }
+}
+
+void findings() {
+  head({"name", "severity", "cause", "remedy"});
+  for (const cli::doctor::FindingInfo& info : cli::doctor::kFindings)
+    row({code(info.name), text(cli::doctor::name(info.severity)), text(info.cause), text(info.remedy)});
 }
 
 void status() {
@@ -210,12 +217,13 @@ void alarms() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::array<std::pair<std::string_view, void (*)()>, 6> kTables{{{"errors", errors},
+  constexpr std::array<std::pair<std::string_view, void (*)()>, 7> kTables{{{"errors", errors},
                                                                             {"status", status},
                                                                             {"exchanges", exchanges},
                                                                             {"timing", timing},
                                                                             {"presets", presets},
-                                                                            {"alarms", alarms}}};
+                                                                            {"alarms", alarms},
+                                                                            {"findings", findings}}};
   for (const auto& [name, print] : kTables) {
     if (argc == 2 && name == argv[1]) {
       print();

@@ -15,6 +15,7 @@
 #include "problem.hpp"
 #include "quantity.hpp"
 #include "stop_signal.hpp"
+#include "text_wrap.hpp"
 #include "tm485/linux/periodic_wait.hpp"
 #include "tm485/linux/realtime_thread.hpp"
 #include "tm485/linux/rt_settings.hpp"
@@ -29,7 +30,6 @@ using linux_hal::WaitMode;
 constexpr std::size_t kMostSamples = 1'000'000;
 constexpr int kPriority = 80;
 constexpr Time kShortest{10'000};
-constexpr std::size_t kWidth = 100;
 
 struct Measure {
   std::string_view name;
@@ -74,26 +74,6 @@ std::expected<Measure, Problem> measure(std::string_view name, WaitMode mode, Ti
 bool real_time(const Measure& measure) {
   return std::none_of(measure.warnings.begin(), measure.warnings.end(),
                       [](const auto& warning) { return warning.name == "priority"; });
-}
-
-/// `text` in lines of at most kWidth, each after the first indented.
-std::string wrapped(std::string_view text, std::size_t indent) {
-  std::string result;
-  std::size_t column = indent;
-  while (!text.empty()) {
-    const std::string_view word = text.substr(0, text.find(' '));
-    text.remove_prefix(std::min(word.size() + 1, text.size()));
-    if (column > indent && column + 1 + word.size() > kWidth) {
-      result += '\n' + std::string(indent, ' ');
-      column = indent;
-    } else if (column > indent) {
-      result += ' ';
-      ++column;
-    }
-    result += word;
-    column += word.size();
-  }
-  return result;
 }
 
 std::string settings_text(const std::vector<RtSetting>& settings) {

@@ -58,6 +58,11 @@ struct BenchOptions {
 };
 int run_bench(const BenchOptions& options);
 
+struct DoctorOptions {
+  PortOptions port;
+};
+int run_doctor(const DoctorOptions& options);
+
 struct SimCommandOptions {
   bool pty = false;
   std::string unix_path;

@@ -35,6 +35,7 @@ struct Commands {
   ReadOptions read;
   MonitorOptions monitor;
   BenchOptions bench;
+  DoctorOptions doctor;
   SimCommandOptions sim;
   RtCheckOptions rt_check;
   ServoDemoOptions servo_demo;
@@ -145,6 +146,20 @@ void add_bench(CLI::App& root, Commands& commands) {
       "  tm485 bench sim: --id 3 --period 62.5us --seconds 5\n"
       "  tm485 bench sim: --id 0 --period 40us --virtual --json\n"
       "  tm485 bench /dev/ttyUSB0 --period 1ms");
+}
+
+void add_doctor(CLI::App& root, Commands& commands) {
+  CLI::App& app = *root.add_subcommand("doctor", "What is wrong with a port, with cause and remedy");
+  add_port_options(app, commands.doctor.port);
+  app.footer(
+      std::string(
+          "Looks at port, host, line and encoder, in less than 10 s. Nothing is written to the encoder.\n"
+          "A simulated encoder is examined in virtual time.\n"
+          "Exit code 0 without a fault (warnings and notes allowed), 1 with one, 2 if it cannot begin.\n"
+          "Examples:\n"
+          "  tm485 doctor /dev/ttyUSB0 --profile tformat_23\n"
+          "  tm485 doctor sim:release=4us\n") +
+      kSimKeys);
 }
 
 void add_sim(CLI::App& root, Commands& commands) {
@@ -265,18 +280,19 @@ int run(const CLI::App& app, const Commands& commands) {
   const auto chosen = [&app](const char* name) { return app.got_subcommand(name); };
   for (const std::string* profile :
        {&commands.decode.profile, &commands.info.port.profile, &commands.read.port.profile,
-        &commands.monitor.port.profile, &commands.bench.port.profile, &commands.eeprom.port.profile,
-        &commands.reset.port.profile, &commands.sim.profile}) {
+        &commands.monitor.port.profile, &commands.bench.port.profile, &commands.doctor.port.profile,
+        &commands.eeprom.port.profile, &commands.reset.port.profile, &commands.sim.profile}) {
     if (*profile == "list")
       return run_profiles(commands.decode.json || commands.info.port.json || commands.read.port.json ||
                           commands.monitor.port.json || commands.bench.port.json ||
-                          commands.eeprom.port.json || commands.reset.port.json);
+                          commands.doctor.port.json || commands.eeprom.port.json || commands.reset.port.json);
   }
   if (chosen("decode")) return run_decode(commands.decode);
   if (chosen("info")) return run_info(commands.info);
   if (chosen("read")) return run_read(commands.read);
   if (chosen("monitor")) return run_monitor(commands.monitor);
   if (chosen("bench")) return run_bench(commands.bench);
+  if (chosen("doctor")) return run_doctor(commands.doctor);
   if (chosen("sim")) return run_sim(commands.sim);
   if (chosen("rt-check")) return run_rt_check(commands.rt_check);
   if (chosen("servo-demo")) return run_servo_demo(commands.servo_demo);
@@ -307,6 +323,7 @@ int main(int argc, char** argv) {
   add_read(app, commands);
   add_monitor(app, commands);
   add_bench(app, commands);
+  add_doctor(app, commands);
   add_sim(app, commands);
   add_rt_check(app, commands);
   add_servo_demo(app, commands);

@@ -112,9 +112,9 @@ void hear(Burst& burst, const Ear& ear, std::size_t most) noexcept {
   if (burst.talker == Talker::encoder || first > 0.0) burst.start += Time{std::llround(first)};
 }
 
-/// How many characters of `listener_bit` fit into `count` characters of `talker_bit`, at least one.
+/// How many characters of `listener_bit` can begin within `count` characters of `talker_bit`; the last may end later.
 std::size_t fitting(std::size_t count, double talker_bit, double listener_bit) noexcept {
-  return static_cast<std::size_t>(std::ceil(static_cast<double>(count) * talker_bit / listener_bit - 1e-9));
+  return static_cast<std::size_t>(static_cast<double>(count) * talker_bit / listener_bit) + 1;
 }
 
 }  // namespace
@@ -127,24 +127,24 @@ Distortion::Distortion(const DistortionConfig& config) noexcept
 
 void Distortion::host_at_encoder(Burst& burst) const noexcept {
   const double host = bit_time(config_.host_bits_per_second);
-  hear(burst, {host, bit_time(config_.encoder_bits_per_second), config_.swap == Swap::pair}, burst.count);
+  hear(burst, {host, bit_time(config_.encoder_bits_per_second), config_.swap == Swap::pair},
+       burst.count + std::size_t{1});
 }
 
 void Distortion::host_at_host(Burst& burst) const noexcept {
   const double host = bit_time(config_.host_bits_per_second);
-  hear(burst, {host, host, config_.swap == Swap::receive}, burst.count);
+  hear(burst, {host, host, config_.swap == Swap::receive}, fitting(burst.count, host, host));
 }
 
 void Distortion::encoder_at_host(Burst& burst) noexcept {
   const double encoder = bit_time(config_.encoder_bits_per_second);
   const double host = bit_time(config_.host_bits_per_second);
   Ear ear{encoder, host, config_.swap != Swap::none};
-  std::size_t most = fitting(burst.count, encoder, host);
+  const std::size_t most = fitting(burst.count, encoder, host);
   if (config_.glitches > 0.0 && burst.count > 0 && random_.unit() <= config_.glitches) {
     constexpr double kNearest = 2.5;  // over before the encoder's driver is on
     constexpr double kRange = 2.5;    // and not earlier than the request's end
     ear.glitch_at = -(kNearest + kRange * random_.unit()) * encoder;
-    ++most;
     ++glitches_;
   }
   const Time tail =

@@ -30,8 +30,8 @@ struct DistortionConfig {
 };
 
 /// One owner; nothing blocks or allocates. The characters heard are put one behind the other from the first start bit
-/// on, in the listener's character time on the host's side: a pause that misread bits would leave between them is not
-/// kept, and no more of them come than fit into the time of the burst.
+/// on, in the host's character time: a pause that misread bits would leave between them is not kept, and no more of
+/// them come than begin within the time of the burst.
 class Distortion {
  public:
   explicit Distortion(const DistortionConfig& config) noexcept;
