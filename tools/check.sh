@@ -12,7 +12,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 # Cheap steps first: what fails, fails early.
-steps=(policy format headers heap model arm tsan clang asan tidy)
+steps=(policy format headers heap model arm gpiod2 tsan clang asan tidy)
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -122,6 +122,20 @@ step_clang() { build clang-dev && tests_of clang-dev; }
 
 about[asan]="address and undefined-behaviour sanitizers: build and tests"
 step_asan() { build asan && tests_of asan; }
+
+about[gpiod2]="direction control with libgpiod 2.x, unpacked beside the system (the other builds use what is installed)"
+step_gpiod2() {
+  local status=0
+  tools/libgpiod2.sh || status=$?
+  if ((status == 77)); then
+    printf '\n*** SKIPPED: libgpiod 2.x was neither built against nor tested ***\n\n'
+    return 0
+  fi
+  ((status == 0)) || return "$status"
+  build gpiod2 tm485_tests_linux_fake || return
+  quiet build/gpiod2/gpiod2.log build/gpiod2/tests/tm485_tests_linux_fake || return
+  grep -oE '^\[ +PASSED +\] [0-9]+ tests' build/gpiod2/gpiod2.log | sed 's/.*\] /libgpiod 2.x: passed /'
+}
 
 about[model]="relacy: the lock-free types under weak memory, and weakened twins that it must find"
 step_model() {

@@ -25,6 +25,7 @@ struct Failure {
 
 struct State {
   std::map<std::string, FakeDevice*> paths;
+  std::map<std::string, std::string> links;
   std::map<std::string, Failure> failures;
   std::map<int, FakeDevice*> descriptors;
   std::uint64_t opened = 0;
@@ -111,6 +112,11 @@ void FakeKernel::add(const std::string& path, FakeDevice& device) {
   state().paths[path] = &device;
 }
 
+void FakeKernel::add_link(const std::string& path, const std::string& target) {
+  const std::scoped_lock lock(mutex());
+  state().links[path] = target;
+}
+
 void FakeKernel::remove(const std::string& path) {
   const std::scoped_lock lock(mutex());
   state().paths.erase(path);
@@ -153,6 +159,11 @@ FakeDevice* device_at(const char* path) {
   if (real::realpath(path, resolved) == nullptr) return nullptr;
   const auto found = state().paths.find(resolved);
   return found == state().paths.end() ? nullptr : found->second;
+}
+
+const char* link_at(const char* path) {
+  const auto found = state().links.find(path == nullptr ? "" : path);
+  return found == state().links.end() ? nullptr : found->second.c_str();
 }
 
 std::optional<int> open(const char* path, int flags) {

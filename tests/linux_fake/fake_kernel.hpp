@@ -76,6 +76,8 @@ class FakeKernel {
   /// `device` is behind `path` from now on; it must outlive the kernel or its removal. A symbolic link of the real file
   /// system that leads to `path` leads to the device too, if a (real, empty) file is there.
   void add(const std::string& path, FakeDevice& device);
+  /// realpath() of `path` answers `target`, as for a symbolic link of sysfs.
+  void add_link(const std::string& path, const std::string& target);
   /// The path is gone: ENOENT (or what is really there). Descriptors stay, as after an unplugging.
   void remove(const std::string& path);
   /// The next `times` opens of `path` fail with `error_number`, before the device is asked.

@@ -49,6 +49,9 @@ class FakeTty : public FakeDevice {
 
   // ---- what happens on the line ----
 
+  /// Buffer and transmitter are empty from now on, whatever was said of polls.
+  void end_of_sending() { outq_left_ = lsr_left_ = 0; }
+
   /// Bytes that the code under test will read.
   void receive(const std::vector<std::uint8_t>& bytes);
   std::size_t read_limit = SIZE_MAX;  ///< bytes that one read hands out at most

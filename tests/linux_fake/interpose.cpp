@@ -184,10 +184,12 @@ int ioctl(int fd, unsigned long request, ...) noexcept {
   va_start(arguments, request);
   void* const argument = va_arg(arguments, void*);
   va_end(arguments);
+  // The kernel takes 32 bits; a caller that keeps the number in an int extends its sign.
+  const unsigned long kernel_request = static_cast<std::uint32_t>(request);
   {
     const std::scoped_lock lock(fake::entry::lock());
     if (fake::FakeDevice* const device = fake::entry::device_of(fd))
-      return fake::answer(device->on_ioctl(fd, request, argument));
+      return fake::answer(device->on_ioctl(fd, kernel_request, argument));
   }
   return fake::real::ioctl(fd, request, argument);
 }
@@ -269,6 +271,11 @@ int access(const char* path, int mode) noexcept {
 }
 
 char* realpath(const char* path, char* resolved) noexcept {
+  {
+    const std::scoped_lock lock(fake::entry::lock());
+    if (const char* const target = fake::entry::link_at(path))
+      return resolved == nullptr ? strdup(target) : std::strcpy(resolved, target);
+  }
   if (char* const real = fake::real::realpath(path, resolved)) return real;
   const int error_number = errno;
   {

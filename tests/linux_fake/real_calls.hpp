@@ -36,6 +36,8 @@ namespace entry {
 std::recursive_mutex& lock();
 FakeDevice* device_of(int fd);
 FakeDevice* device_at(const char* path);
+/// Where a link leads that the test has made, or null.
+const char* link_at(const char* path);
 /// The descriptor or -errno; nothing if the path is not a fake one.
 std::optional<int> open(const char* path, int flags);
 void close(int fd);

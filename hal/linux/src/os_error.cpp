@@ -66,16 +66,56 @@ constexpr std::array kMappingRemedies{
     Remedy{EMFILE, "this program has too many files open: close some, or raise 'ulimit -n'"},
 };
 
-constexpr std::span<const Remedy> table_of(Resource resource) noexcept {
+constexpr std::array kGpioRemedies{
+    Remedy{ENOSYS, "this program was built without libgpiod: install libgpiod-dev and build again"},
+    Remedy{ENOENT,
+           "there is no such GPIO chip: 'gpiodetect' (package gpiod) lists those of this machine; on some "
+           "boards "
+           "the device tree has to enable it"},
+    Remedy{ENODEV,
+           "this is no GPIO chip, or its device is gone: 'gpiodetect' (package gpiod) lists the chips"},
+    Remedy{ENXIO, "the GPIO chip's device is gone"},
+    Remedy{ENOTTY, "this is no GPIO chip: 'gpiodetect' (package gpiod) lists the chips"},
+    Remedy{EACCES,
+           "join the group that owns the chip, often 'sudo adduser $USER gpio', and log in again, or give "
+           "the device "
+           "a udev rule"},
+    Remedy{EPERM, "the system forbids this access: in a container, pass the chip's device through"},
+    Remedy{EBUSY,
+           "a line belongs to one program at a time: stop the other one, or free the line in the device tree "
+           "if a "
+           "driver has it ('gpioinfo' names it)"},
+    Remedy{EINVAL, "the chip does not take this line as an output: choose another one"},
+    Remedy{EMFILE, "this program has too many files open: close some, or raise 'ulimit -n'"},
+};
+
+constexpr std::array kRs485Remedies{
+    Remedy{
+        ENOTTY,
+        "this port's driver cannot switch the direction: use a transceiver or adapter that does it by itself "
+        "(--direction auto), a GPIO line (--direction gpio:CHIP:LINE), or a UART whose driver can"},
+    Remedy{EINVAL,
+           "the driver refuses this RS-485 setting: the device tree must give the port an RTS line, and some "
+           "drivers "
+           "have one polarity only (--direction kernel:low)"},
+    Remedy{EPERM, "the system forbids this access: in a container, pass the device through"},
+    Remedy{EIO, "the device does not answer: was it unplugged?"},
+};
+
+constexpr std::span<const Remedy> remedies_of(Resource resource) noexcept {
   switch (resource) {
     case Resource::serial_port:
       return kSerialRemedies;
     case Resource::unix_socket:
       return kSocketRemedies;
     case Resource::mapped_uart:
+      return kMappingRemedies;
+    case Resource::gpio_line:
+      return kGpioRemedies;
+    case Resource::rs485_mode:
       break;
   }
-  return kMappingRemedies;
+  return kRs485Remedies;
 }
 
 constexpr std::string_view kOther = "not expected here: look at the kernel's messages (journalctl -k)";
@@ -87,7 +127,7 @@ constexpr bool is_absent(int error_number) noexcept {
 }  // namespace
 
 std::string_view remedy_for(Resource resource, int error_number) noexcept {
-  for (const Remedy& remedy : table_of(resource))
+  for (const Remedy& remedy : remedies_of(resource))
     if (remedy.error_number == error_number) return remedy.text;
   return kOther;
 }

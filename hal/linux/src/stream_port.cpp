@@ -70,7 +70,9 @@ std::expected<Time, Errc> StreamPort::try_send(std::span<const std::uint8_t> req
   }
   if (!rest.empty() || request.empty()) return std::unexpected(fail_send(Errc::send_failed));
   transmission_ = {Transmission::State::sending, Errc::ok};
-  request_end_ = now + character_ * static_cast<std::int64_t>(request.size());
+  request_span_ = character_ * static_cast<std::int64_t>(request.size());
+  request_end_ = now + request_span_;
+  queued_ = false;
   return now;
 }
 
@@ -80,22 +82,30 @@ std::ptrdiff_t StreamPort::write_some(std::span<const std::uint8_t> bytes) const
 }
 
 Transmission StreamPort::transmission(Time now) noexcept {
-  if (transmission_.state == Transmission::State::sending && now >= request_end_ && line_is_idle())
+  if (transmission_.state == Transmission::State::sending && line_is_idle(now))
     transmission_.state = Transmission::State::sent;
   return transmission_;
 }
 
-bool StreamPort::line_is_idle() noexcept {
-  if (kind_ == StreamKind::socket) return true;
+bool StreamPort::line_is_idle(Time now) noexcept {
+  if (kind_ == StreamKind::socket) return now >= request_end_;
   int queued = 0;
   if (ioctl(fd_.get(), TIOCOUTQ, &queued) != 0) {
     if (is_gone(errno)) mark_gone(errno);
-    return !gone_;  // a driver that cannot tell: the computed time has to do
+    return !gone_ && now >= request_end_;  // a driver that cannot tell: the computed time has to do
   }
-  if (queued > 0) return false;
+  if (queued > 0) {
+    queued_ = true;
+    return false;
+  }
   // The queue does not count what is in the transmitter; drivers that can tell do so here.
   unsigned status = 0;
-  return ioctl(fd_.get(), TIOCSERGETLSR, &status) != 0 || (status & TIOCSER_TEMT) != 0;
+  if (ioctl(fd_.get(), TIOCSERGETLSR, &status) == 0)
+    return (status & TIOCSER_TEMT) != 0 && now >= request_end_;
+  // All of it may have gone from the buffer to the transmitter just now.
+  if (queued_) request_end_ = now + request_span_;
+  queued_ = false;
+  return now >= request_end_;
 }
 
 Reception StreamPort::try_receive(std::span<std::uint8_t> buffer, Time) noexcept {

@@ -7,6 +7,8 @@
 //
 // Beyond it: no function blocks, waits or allocates; a request is sent as one gapless burst;
 // the port never sends on its own account; bytes that it receives are handed out once, in order.
+// One exception, bounded: a port that switches the driver by software may keep `try_send` until the
+// request has left (docs/adr/0011-release-inside-try-send.md).
 // Specification: sections 1 and 4.
 #pragma once
 

@@ -12,7 +12,7 @@
 namespace tm485::linux_hal {
 
 /// What was to be opened; the same errno has another remedy for each.
-enum class Resource : std::uint8_t { serial_port, unix_socket, mapped_uart };
+enum class Resource : std::uint8_t { serial_port, unix_socket, mapped_uart, gpio_line, rs485_mode };
 
 struct OsError {
   Errc code = Errc::ok;  ///< port_gone: no such device or server; bad_argument: it cannot be used like this

@@ -4,9 +4,9 @@
 // The bytes are fetched by a non-blocking read() each time the bus asks: on a tty this read waits for
 // the kernel's own hand-over of characters, which makes it the fastest way, faster than poll or epoll.
 //
-// Direction control: none here. The driver must be switched by hardware (an adapter or UART that does it
-// itself); a port that switches it by software asserts it around try_send() and reports `sent` only after
-// the release, so it wraps this class and keeps its contract. Specification: sections 1 and 4.
+// Direction control: none here. The driver is switched by hardware (an adapter or UART that does it itself), by the
+// kernel's driver (rs485_direction.hpp), or by the port around this one (directed_port.hpp).
+// Specification: sections 1 and 4.
 #pragma once
 
 #include <cstddef>
@@ -40,9 +40,10 @@ class StreamPort {
   /// what it has not taken is dropped), port_gone. At most kSendAttempts system calls.
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept;
 
-  /// `sent` once the characters' time has passed since try_send() and, on a tty, neither the driver's buffer
-  /// nor the transmitter (where the driver can tell) holds any; `failed` after an error of try_send() or when
-  /// the port is gone. Without a system call before that time and after `sent`; between them at most two.
+  /// `sent` once the characters' time has passed since try_send() and, on a tty, neither the driver's buffer nor the
+  /// transmitter holds any. A driver that cannot tell of its transmitter and still had bytes in its buffer gets the
+  /// characters' time once more from when the buffer was seen empty. `failed` after an error of try_send() or when the
+  /// port is gone. At most two system calls while it is sending, none before and after.
   [[nodiscard]] Transmission transmission(Time now) noexcept;
 
   /// What the kernel has: one read(), repeated only if a signal interrupts it (at most kReadAttempts). Fault:
@@ -75,7 +76,7 @@ class StreamPort {
 
  private:
   [[nodiscard]] std::ptrdiff_t write_some(std::span<const std::uint8_t> bytes) const noexcept;
-  [[nodiscard]] bool line_is_idle() noexcept;
+  [[nodiscard]] bool line_is_idle(Time now) noexcept;
   [[nodiscard]] Errc fail_send(Errc fault) noexcept;
   void mark_gone(int error_number) noexcept;
 
@@ -88,7 +89,9 @@ class StreamPort {
   int last_errno_ = 0;
   PortCapability capability_;
   Time character_;
+  Time request_span_{0};  ///< of the request on the line
   Time request_end_{0};
+  bool queued_ = false;  ///< the driver's buffer held bytes when last looked at
   Transmission transmission_;
   int not_counted_ = 0;  ///< the errno of a driver that does not count
   LineCounters at_start_;

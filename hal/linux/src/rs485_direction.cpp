@@ -1,0 +1,121 @@
+#include "tm485/linux/rs485_direction.hpp"
+
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+
+#include <array>
+#include <filesystem>
+#include <utility>
+
+namespace tm485::linux_hal {
+namespace {
+
+// How late the drivers of the kernel release, by their sources (6.1) and by what users measured. A bit is 0.4 us.
+constexpr Time kHardware{400};
+constexpr Time kByInterrupt{3'000'000};
+
+struct DriverRow {
+  std::string_view driver;
+  ReleaseBound release;
+};
+constexpr std::array kDrivers{
+    DriverRow{"stm32-usart", {kHardware, true, "the USART switches DE itself"}},
+    DriverRow{"exar_serial", {kHardware, true, "the UART switches the direction itself"}},
+    DriverRow{"uart-pl011", {kByInterrupt, false, "an interrupt handler that looks every 4 us"}},
+    DriverRow{"imx-uart", {kByInterrupt, false, "an interrupt handler; 8 us to 3 ms were measured"}},
+    DriverRow{"omap8250", {kByInterrupt, false, "an interrupt handler and a timer"}},
+    DriverRow{"bcm2835-aux-uart", {kByInterrupt, false, "an interrupt handler and a timer"}},
+    DriverRow{"dw-apb-uart",
+              {kByInterrupt, false, "hardware if the UART has DE registers, otherwise an interrupt handler"}},
+    DriverRow{"fsl-lpuart", {kByInterrupt, false, "RTS of the UART's modem control"}},
+};
+constexpr ReleaseBound kUnknownDriver{kByInterrupt, false, "as a rule an interrupt handler"};
+/// What a real-time thread on a quiet machine keeps; an ordinary one has no bound.
+constexpr ReleaseBound kGpio{Time{100'000}, false, "a program"};
+
+/// The name of the driver behind a tty, or nothing.
+std::string driver_of(int fd) {
+  struct stat status{};
+  if (fstat(fd, &status) != 0) return {};
+  std::error_code failure;
+  const auto link =
+      std::filesystem::read_symlink("/sys/dev/char/" + std::to_string(major(status.st_rdev)) + ":" +
+                                        std::to_string(minor(status.st_rdev)) + "/device/driver",
+                                    failure);
+  return failure ? std::string() : link.filename().string();
+}
+
+std::string microseconds_text(Time time) {
+  const std::int64_t tenths = (time.count() + 50) / 100;
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " us";
+}
+
+}  // namespace
+
+ReleaseBound release_of_driver(std::string_view driver) noexcept {
+  for (const DriverRow& row : kDrivers)
+    if (row.driver == driver) return row.release;
+  return kUnknownDriver;
+}
+
+std::optional<std::string> direction_warning(DirectionKind kind, const ReleaseBound& release,
+                                             std::optional<Time> measured, Time limit) {
+  const bool late = measured.value_or(Time{0}) > limit;
+  if (kind == DirectionKind::automatic || (release.bound <= limit && !late)) return std::nullopt;
+  std::string text = "best effort: the driver is released by ";
+  text.append(release.basis).append(", ");
+  if (late)
+    text += "up to " + microseconds_text(*measured) + " late in this run";
+  else
+    text += "for which no time below " + microseconds_text(limit) + " is promised";
+  text += "; an encoder answers " + microseconds_text(limit) +
+          " after the request, and the start of its reply is lost if the driver is still on. What helps: "
+          "a UART with a DE output in hardware (";
+  text += kind == DirectionKind::kernel
+              ? "STM32, Exar"
+              : "--direction kernel where the driver leaves it to hardware: STM32, Exar";
+  text += "), or a transceiver or adapter that switches by itself (--direction auto)";
+  return text;
+}
+
+std::expected<Rs485Direction, OsError> Rs485Direction::open(const DirectionConfig& config, int fd,
+                                                            const std::string& path,
+                                                            const GpioOptions& gpio) {
+  Rs485Direction direction;
+  direction.kind_ = config.kind;
+  switch (config.kind) {
+    case DirectionKind::automatic:
+      break;
+    case DirectionKind::kernel: {
+      auto mode = KernelRs485::set(fd, path, config.rts_low, config.mute);
+      if (!mode) return std::unexpected(std::move(mode.error()));
+      direction.means_ = std::move(*mode);
+      direction.driver_ = driver_of(fd);
+      direction.bound_ = release_of_driver(direction.driver_);
+      break;
+    }
+    case DirectionKind::gpio: {
+      auto line = GpioLine::open(config.gpio, gpio);
+      if (!line) return std::unexpected(std::move(line.error()));
+      direction.means_ = std::move(*line);
+      direction.bound_ = kGpio;
+      break;
+    }
+  }
+  return direction;
+}
+
+std::string Rs485Direction::description() const {
+  switch (kind_) {
+    case DirectionKind::automatic:
+      break;
+    case DirectionKind::kernel:
+      return "kernel, driver " + (driver_.empty() ? "unknown" : driver_) + " (" + std::string(bound_.basis) +
+             ")";
+    case DirectionKind::gpio:
+      return "GPIO " + std::get<GpioLine>(means_).description() + ", by " + gpio_library();
+  }
+  return "auto: transceiver, adapter or UART";
+}
+
+}  // namespace tm485::linux_hal
