@@ -32,6 +32,13 @@ Problem open_problem(const linux_hal::OsError& error) {
           kExitFailure};
 }
 
+Problem bad_direction(const std::string& text, const linux_hal::DirectionConfig& direction) {
+  return usage_problem(
+      "bad_direction",
+      fmt::format("'{}' has no driver to switch (--direction {})", text, linux_hal::to_text(direction)),
+      "leave --direction out; it is for serial devices");
+}
+
 bool is_socket(const std::string& path) {
   struct stat status{};
   return ::stat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
@@ -52,17 +59,35 @@ auto with_port(Variant& port, const Function& function) noexcept {
 
 }  // namespace
 
+std::expected<AnyPort::Variant, Problem> AnyPort::open_serial(const std::string& path, std::uint32_t bit_rate,
+                                                              const linux_hal::DirectionConfig& direction) {
+  linux_hal::SerialOptions options;
+  options.bit_rate = bit_rate;
+  auto port = linux_hal::SerialPort::open(path, options);
+  if (!port) return std::unexpected(open_problem(port.error()));
+  if (direction.kind == linux_hal::DirectionKind::automatic) return std::move(*port);
+  auto control = linux_hal::Rs485Direction::open(direction, port->descriptor(), path);
+  if (!control) return std::unexpected(open_problem(control.error()));
+  linux_hal::DirectedOptions directed;
+  directed.bit_rate = bit_rate;
+  return Directed(std::move(*port), std::move(*control), directed);
+}
+
 std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string& text,
-                                                               std::uint32_t bit_rate) {
+                                                               std::uint32_t bit_rate,
+                                                               const linux_hal::DirectionConfig& direction) {
+  const bool directed = direction.kind != linux_hal::DirectionKind::automatic;
   if (text == "sim" || text.starts_with(kSim)) {
     auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
                                                         : std::string_view(text).substr(kSim.size()));
     if (!options) return std::unexpected(bad_port(text, options.error()));
+    if (directed) return std::unexpected(bad_direction(text, direction));
     options->line.encoder_bits_per_second = options->line.bits_per_second;
     options->line.bits_per_second = bit_rate;
     return std::make_shared<sim::SimulatedEncoder>(*options);
   }
   if (text.starts_with(kMmio)) {
+    if (directed) return std::unexpected(bad_direction(text, direction));
     auto options = parse_mmio(std::string_view(text).substr(kMmio.size()));
     if (!options) return std::unexpected(bad_port(text, options.error()));
     options->bit_rate = bit_rate;
@@ -74,6 +99,7 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
   const std::string path = named_unix ? text.substr(kUnix.size()) : text;
   if (path.empty()) return std::unexpected(bad_port(text, "no path"));
   if (named_unix || is_socket(path)) {
+    if (directed) return std::unexpected(bad_direction(text, direction));
     linux_hal::UnixOptions options;
     options.bit_rate = bit_rate;
     auto port = linux_hal::UnixPort::connect(path, options);
@@ -82,27 +108,26 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
   }
   if (path.find('/') == std::string::npos)
     return std::unexpected(bad_port(text, "this is none of the kinds of port that there are"));
-  linux_hal::SerialOptions options;
-  options.bit_rate = bit_rate;
-  auto port = linux_hal::SerialPort::open(path, options);
-  if (!port) return std::unexpected(open_problem(port.error()));
-  return std::move(*port);
+  return open_serial(path, bit_rate, direction);
 }
 
 std::expected<AnyPort, Problem> AnyPort::open(const std::string& text, std::uint32_t bit_rate,
-                                              bool virtual_time) {
-  auto port = open_variant(text, bit_rate);
+                                              bool virtual_time, const std::string& direction) {
+  const auto config = linux_hal::parse_direction(direction);
+  if (!config)
+    return std::unexpected(usage_problem("bad_direction", "--" + config.error().what, config.error().remedy));
+  auto port = open_variant(text, bit_rate, *config);
   if (!port) return std::unexpected(std::move(port.error()));
   if (virtual_time && !std::holds_alternative<Simulated>(*port)) {
     return std::unexpected(
         usage_problem("bad_virtual", fmt::format("'{}' is a real port: it cannot run in virtual time", text),
                       "leave --virtual out, or use a simulated encoder: sim:"));
   }
-  return AnyPort(text, bit_rate, virtual_time, std::move(*port));
+  return AnyPort(text, bit_rate, virtual_time, *config, std::move(*port));
 }
 
 AnyPort AnyPort::simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name) {
-  return {std::move(name), 0, true, std::move(encoder)};
+  return {std::move(name), 0, true, {}, std::move(encoder)};
 }
 
 std::string AnyPort::default_profile(const std::string& text) {
@@ -120,7 +145,9 @@ std::string AnyPort::default_profile(const std::string& text) {
 }
 
 std::expected<void, Problem> AnyPort::reopen() {
-  auto port = open_variant(text_, bit_rate_);
+  // What holds a GPIO line must let go of it before the same line is asked for again.
+  if (Directed* const directed = std::get_if<Directed>(&port_)) directed->let_go();
+  auto port = open_variant(text_, bit_rate_, direction_);
   if (!port) return std::unexpected(std::move(port.error()));
   port_ = std::move(*port);
   gone_ = false;
@@ -163,6 +190,26 @@ Errc AnyPort::line_fault() noexcept {
     else
       return Errc::ok;
   });
+}
+
+std::string AnyPort::direction_text() const {
+  const Directed* const directed = std::get_if<Directed>(&port_);
+  return directed == nullptr ? std::string() : directed->direction().description();
+}
+
+const linux_hal::TimeHistogram* AnyPort::release_times() const noexcept {
+  const Directed* const directed = std::get_if<Directed>(&port_);
+  return directed == nullptr || !directed->direction().by_software() ? nullptr : &directed->release_times();
+}
+
+std::uint32_t AnyPort::late_releases() const noexcept {
+  const Directed* const directed = std::get_if<Directed>(&port_);
+  return directed == nullptr ? 0 : directed->late_releases();
+}
+
+std::optional<std::string> AnyPort::direction_warning() const {
+  const Directed* const directed = std::get_if<Directed>(&port_);
+  return directed == nullptr ? std::nullopt : directed->warning();
 }
 
 Time AnyPort::next_event() noexcept {

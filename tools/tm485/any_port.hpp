@@ -4,14 +4,18 @@
 #include <cstdint>
 #include <expected>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <variant>
 
 #include "problem.hpp"
 #include "tm485/bus/port.hpp"
+#include "tm485/linux/directed_port.hpp"
 #include "tm485/linux/mmio_uart.hpp"
+#include "tm485/linux/rs485_direction.hpp"
 #include "tm485/linux/serial_port.hpp"
+#include "tm485/linux/time_histogram.hpp"
 #include "tm485/linux/unix_port.hpp"
 #include "tm485/sim/simulated_encoder.hpp"
 #include "tm485/time.hpp"
@@ -22,10 +26,12 @@ namespace tm485::cli {
 class AnyPort {
  public:
   /// Opens the port of a text. `virtual_time`: a simulated one is driven in virtual time; otherwise it promises what a
-  /// loop that spins on the real clock can hold. Problems: bad_port (exit code 2: the text means nothing),
-  /// bad_virtual (2: a real port cannot), port_gone or open_failed (1).
+  /// loop that spins on the real clock can hold. `direction`: who switches the driver of a serial device, as
+  /// linux_hal::parse_direction reads it. Problems: bad_port, bad_direction (exit code 2: the text means nothing, or not
+  /// for this port), bad_virtual (2: a real port cannot), port_gone or open_failed (1).
   [[nodiscard]] static std::expected<AnyPort, Problem> open(const std::string& text, std::uint32_t bit_rate,
-                                                            bool virtual_time);
+                                                            bool virtual_time,
+                                                            const std::string& direction = "auto");
 
   /// A simulated encoder that its maker goes on to look at, in virtual time. It cannot be opened again.
   [[nodiscard]] static AnyPort simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name);
@@ -53,21 +59,40 @@ class AnyPort {
   [[nodiscard]] Time next_event() noexcept;
   /// Requests that were taken since it was opened.
   [[nodiscard]] std::uint64_t sends() const noexcept { return sends_; }
+  /// Where this program or the kernel switches the driver: how, for people; otherwise empty.
+  [[nodiscard]] std::string direction_text() const;
+  /// How late the driver was released, one value for each request; null if this program does not switch it.
+  [[nodiscard]] const linux_hal::TimeHistogram* release_times() const noexcept;
+  /// How many of them came after the start of the earliest reply.
+  [[nodiscard]] std::uint32_t late_releases() const noexcept;
+  /// See linux_hal::direction_warning().
+  [[nodiscard]] std::optional<std::string> direction_warning() const;
   /// The device or the other end has vanished.
   [[nodiscard]] bool gone() const noexcept { return gone_; }
 
  private:
   using Simulated = std::shared_ptr<sim::SimulatedEncoder>;
-  using Variant = std::variant<Simulated, linux_hal::SerialPort, linux_hal::UnixPort, linux_hal::MmioUart>;
+  /// A serial device whose driver is switched by this program or by the kernel.
+  using Directed = linux_hal::DirectedPort<linux_hal::SerialPort>;
+  using Variant =
+      std::variant<Simulated, linux_hal::SerialPort, Directed, linux_hal::UnixPort, linux_hal::MmioUart>;
 
-  AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time, Variant port)
-      : text_(std::move(text)), bit_rate_(bit_rate), virtual_time_(virtual_time), port_(std::move(port)) {}
-  [[nodiscard]] static std::expected<Variant, Problem> open_variant(const std::string& text,
-                                                                    std::uint32_t bit_rate);
+  AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time,
+          const linux_hal::DirectionConfig& direction, Variant port)
+      : text_(std::move(text)),
+        bit_rate_(bit_rate),
+        virtual_time_(virtual_time),
+        direction_(direction),
+        port_(std::move(port)) {}
+  [[nodiscard]] static std::expected<Variant, Problem> open_variant(
+      const std::string& text, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction);
+  [[nodiscard]] static std::expected<Variant, Problem> open_serial(
+      const std::string& path, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction);
 
   std::string text_;
   std::uint32_t bit_rate_;
   bool virtual_time_;
+  linux_hal::DirectionConfig direction_;
   Variant port_;
   std::uint64_t sends_ = 0;
   bool gone_ = false;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "commands.hpp"
+#include "direction_view.hpp"
 #include "json_output.hpp"
 #include "output.hpp"
 #include "percentiles.hpp"
@@ -82,6 +83,7 @@ std::string bench_json(Session& session, Recorder& recorder, Time measured) {
   json.set("period", to_json(recorder.period)).set("lateness", to_json(recorder.lateness));
   json.set(reply_delay_key(session.capability()), to_json(recorder.reply_delay));
   json.set("round_trip", to_json(recorder.round_trip)).set("capability", to_json(session.capability()));
+  json.set("direction", direction_json(session.port()));
   return json.text() + '\n';
 }
 
@@ -91,6 +93,7 @@ std::string bench_text(Session& session, Recorder& recorder, Time measured) {
   std::string text =
       fmt::format("{}, profile {}, in {}\n{}\n", session.port().text(), session.profile().profile().name,
                   session.clock_name(), capability_text(session.capability()));
+  text += direction_line(session.port());
   text += fmt::format("ID{} every {}{}, {} cycles in {:.2f} s\n\n", number(session.scheduler().id()),
                       format_time(session.scheduler().period()),
                       session.scheduler().free_running() ? " (free-running)" : "", statistics.cycles,
@@ -100,12 +103,14 @@ std::string bench_text(Session& session, Recorder& recorder, Time measured) {
   text += to_row("lateness", recorder.lateness);
   text += to_row(reply_delay_name(session.capability()), recorder.reply_delay);
   text += to_row("round trip", recorder.round_trip);
+  text += release_row(session.port());
   text += fmt::format("\nrate     {:.2f} Hz, {:.3f} % of the T1 limit ({:.2f} Hz)\n", rate.achieved,
                       rate.percent, rate.limit);
   text +=
       fmt::format("cycles   {} good, {} failed, {} slips, {} skipped, encoder lost {} times\n",
                   statistics.good, statistics.failed, statistics.slips, statistics.skipped, statistics.lost);
   text += fmt::format("errors   {}\n", error_counts(statistics));
+  text += direction_warning_lines(session.port());
   if (recorder.period.kept() < recorder.period.count())
     text += fmt::format("percentiles from {} values chosen at random out of {}\n", recorder.period.kept(),
                         recorder.period.count());

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "commands.hpp"
+#include "direction_view.hpp"
 #include "frame_view.hpp"
 #include "json_output.hpp"
 #include "output.hpp"
@@ -49,7 +50,7 @@ std::string info_json(Session& session, const Sample& sample) {
   json.set("cycles", statistics.cycles)
       .set("failed", statistics.failed)
       .set("errors", error_counts_json(statistics));
-  json.set("capability", to_json(session.capability()));
+  json.set("capability", to_json(session.capability())).set("direction", direction_json(session.port()));
   return json.text() + '\n';
 }
 
@@ -62,6 +63,8 @@ std::string info_text(Session& session, const Sample& sample) {
   };
   line("port", session.port().text());
   line("", capability_text(session.capability()));
+  if (const std::string control = session.port().direction_text(); !control.empty())
+    line("direction", control);
   line("profile",
        fmt::format("{}: {} bit single-turn, {}, {}", profile.name, profile.single_turn_bits,
                    profile.multi_turn_bits == 0 ? std::string("no multi-turn")
@@ -85,6 +88,7 @@ std::string info_text(Session& session, const Sample& sample) {
        fmt::format("{} (min / mean / max of {})", min_mean_max(statistics.reply_delay),
                    statistics.reply_delay.count()));
   line("errors", fmt::format("{} in {} cycles", error_counts(statistics), statistics.cycles));
+  if (const auto warning = session.port().direction_warning()) line("warning", *warning);
   return text;
 }
 

@@ -23,6 +23,8 @@ struct PortOptions {
   std::string profile;    ///< empty: the one that fits the port
   std::string max_speed;  ///< empty: that of AxisConfig
   bool echo = false;      ///< the port receives its own requests
+  std::string direction =
+      "auto";  ///< who switches the RS-485 driver, in the words of linux_hal::parse_direction
   bool json = false;
 };
 

@@ -51,6 +51,10 @@ void add_port_options(CLI::App& app, PortOptions& options) {
   app.add_option("--max-speed", options.max_speed,
                  "Faster than the shaft can turn, in rpm (6000): a position beyond that is refused");
   app.add_flag("--echo", options.echo, "The port receives its own requests (as echo = true in a profile)");
+  app.add_option("--direction", options.direction,
+                 "Who switches the RS-485 driver: auto (transceiver, adapter), kernel[:low][:mute], "
+                 "gpio:CHIP:LINE[:low] or gpio:NAME[:low]")
+      ->capture_default_str();
   app.add_flag("--json", options.json, "One JSON object a line");
 }
 
@@ -145,7 +149,9 @@ void add_bench(CLI::App& root, Commands& commands) {
       "Examples:\n"
       "  tm485 bench sim: --id 3 --period 62.5us --seconds 5\n"
       "  tm485 bench sim: --id 0 --period 40us --virtual --json\n"
-      "  tm485 bench /dev/ttyUSB0 --period 1ms");
+      "  tm485 bench /dev/ttyUSB0 --period 1ms\n"
+      "  tm485 bench /dev/ttyAMA0 --direction kernel\n"
+      "  tm485 bench /dev/ttyAMA0 --direction gpio:gpiochip0:17");
 }
 
 void add_doctor(CLI::App& root, Commands& commands) {

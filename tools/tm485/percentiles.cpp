@@ -32,29 +32,49 @@ Time Reservoir::percentile(double fraction) {
   return Time{*at};
 }
 
-JsonObject to_json(Reservoir& reservoir) {
+namespace {
+
+/// Both stores of times, in the same words: `percentile` is their own.
+template <class Times>
+JsonObject json_of(Times& times) {
   JsonObject json;
-  json.set("min_ns", reservoir.minimum().count())
-      .set("p50_ns", reservoir.percentile(0.5).count())
-      .set("p99_ns", reservoir.percentile(0.99).count())
-      .set("p99_9_ns", reservoir.percentile(0.999).count())
-      .set("max_ns", reservoir.maximum().count())
-      .set("samples", reservoir.count());
+  json.set("min_ns", times.minimum().count())
+      .set("p50_ns", times.percentile(0.5).count())
+      .set("p99_ns", times.percentile(0.99).count())
+      .set("p99_9_ns", times.percentile(0.999).count())
+      .set("max_ns", times.maximum().count())
+      .set("samples", times.count());
+  return json;
+}
+
+template <class Times>
+std::string row_of(std::string_view label, Times& times) {
+  if (times.count() == 0) return fmt::format("{:<14} {:>10}\n", label, "none");
+  const auto us = [](Time time) { return static_cast<double>(time.count()) / 1e3; };
+  return fmt::format("{:<14} {:>10.2f} {:>10.2f} {:>10.2f} {:>10.2f} {:>10.2f}\n", label, us(times.minimum()),
+                     us(times.percentile(0.5)), us(times.percentile(0.99)), us(times.percentile(0.999)),
+                     us(times.maximum()));
+}
+
+}  // namespace
+
+JsonObject to_json(Reservoir& reservoir) {
+  JsonObject json = json_of(reservoir);
   if (reservoir.kept() < reservoir.count()) json.set("kept", reservoir.kept());
   return json;
 }
+
+JsonObject to_json(const linux_hal::TimeHistogram& histogram) { return json_of(histogram); }
 
 std::string row_header() {
   return fmt::format("{:<14} {:>10} {:>10} {:>10} {:>10} {:>10}   [us]\n", "", "min", "p50", "p99", "p99.9",
                      "max");
 }
 
-std::string to_row(std::string_view label, Reservoir& reservoir) {
-  if (reservoir.count() == 0) return fmt::format("{:<14} {:>10}\n", label, "none");
-  const auto us = [](Time time) { return static_cast<double>(time.count()) / 1e3; };
-  return fmt::format("{:<14} {:>10.2f} {:>10.2f} {:>10.2f} {:>10.2f} {:>10.2f}\n", label,
-                     us(reservoir.minimum()), us(reservoir.percentile(0.5)), us(reservoir.percentile(0.99)),
-                     us(reservoir.percentile(0.999)), us(reservoir.maximum()));
+std::string to_row(std::string_view label, Reservoir& reservoir) { return row_of(label, reservoir); }
+
+std::string to_row(std::string_view label, const linux_hal::TimeHistogram& histogram) {
+  return row_of(label, histogram);
 }
 
 }  // namespace tm485::cli

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "json_output.hpp"
+#include "tm485/linux/time_histogram.hpp"
 #include "tm485/time.hpp"
 
 namespace tm485::cli {
@@ -36,7 +37,9 @@ class Reservoir {
 
 /// {"min_ns", "p50_ns", "p99_ns", "p99_9_ns", "max_ns", "samples"}; "kept" if not all were kept.
 [[nodiscard]] JsonObject to_json(Reservoir& reservoir);
+[[nodiscard]] JsonObject to_json(const linux_hal::TimeHistogram& histogram);
 /// A row of a table in microseconds, and its head.
+[[nodiscard]] std::string to_row(std::string_view label, const linux_hal::TimeHistogram& histogram);
 [[nodiscard]] std::string to_row(std::string_view label, Reservoir& reservoir);
 [[nodiscard]] std::string row_header();
 

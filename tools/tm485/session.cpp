@@ -95,7 +95,8 @@ Session::Session(AnyPort port, const CompiledProfile& profile, const SessionOpti
 std::expected<std::unique_ptr<Session>, Problem> Session::open(const SessionOptions& options) {
   const auto profile = profile_for(options.port);
   if (!profile) return std::unexpected(profile.error());
-  auto port = AnyPort::open(options.port.port, profile->profile().bit_rate, options.virtual_time);
+  auto port = AnyPort::open(options.port.port, profile->profile().bit_rate, options.virtual_time,
+                            options.port.direction);
   if (!port) return std::unexpected(std::move(port.error()));
   return begin(std::move(*port), *profile, options);
 }

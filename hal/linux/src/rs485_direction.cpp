@@ -79,41 +79,50 @@ std::optional<std::string> direction_warning(DirectionKind kind, const ReleaseBo
 }
 
 std::expected<Rs485Direction, OsError> Rs485Direction::open(const DirectionConfig& config, int fd,
-                                                            const std::string& path,
-                                                            const GpioOptions& gpio) {
+                                                            const std::string& path, const GpioOptions& gpio) {
   Rs485Direction direction;
-  direction.kind_ = config.kind;
-  switch (config.kind) {
-    case DirectionKind::automatic:
-      break;
-    case DirectionKind::kernel: {
-      auto mode = KernelRs485::set(fd, path, config.rts_low, config.mute);
-      if (!mode) return std::unexpected(std::move(mode.error()));
-      direction.means_ = std::move(*mode);
-      direction.driver_ = driver_of(fd);
-      direction.bound_ = release_of_driver(direction.driver_);
-      break;
-    }
-    case DirectionKind::gpio: {
-      auto line = GpioLine::open(config.gpio, gpio);
-      if (!line) return std::unexpected(std::move(line.error()));
-      direction.means_ = std::move(*line);
-      direction.bound_ = kGpio;
-      break;
-    }
-  }
+  direction.config_ = config;
+  direction.gpio_ = gpio;
+  direction.path_ = path;
+  if (auto opened = direction.open_again(fd); !opened) return std::unexpected(std::move(opened.error()));
   return direction;
 }
 
+std::expected<void, OsError> Rs485Direction::open_again(int fd) {
+  let_go();
+  switch (config_.kind) {
+    case DirectionKind::automatic:
+      break;
+    case DirectionKind::kernel: {
+      auto mode = KernelRs485::set(fd, path_, config_.rts_low, config_.mute);
+      if (!mode) return std::unexpected(std::move(mode.error()));
+      means_ = std::move(*mode);
+      driver_ = driver_of(fd);
+      bound_ = release_of_driver(driver_);
+      break;
+    }
+    case DirectionKind::gpio: {
+      auto line = GpioLine::open(config_.gpio, gpio_);
+      if (!line) return std::unexpected(std::move(line.error()));
+      means_ = std::move(*line);
+      bound_ = kGpio;
+      break;
+    }
+  }
+  return {};
+}
+
 std::string Rs485Direction::description() const {
-  switch (kind_) {
+  switch (config_.kind) {
     case DirectionKind::automatic:
       break;
     case DirectionKind::kernel:
       return "kernel, driver " + (driver_.empty() ? "unknown" : driver_) + " (" + std::string(bound_.basis) +
              ")";
     case DirectionKind::gpio:
-      return "GPIO " + std::get<GpioLine>(means_).description() + ", by " + gpio_library();
+      if (const GpioLine* const line = std::get_if<GpioLine>(&means_))
+        return "GPIO " + line->description() + ", by " + gpio_library();
+      return to_text(config_) + ", not open";
   }
   return "auto: transceiver, adapter or UART";
 }

@@ -126,6 +126,32 @@ class DirectedPort {
     return reception;
   }
 
+  /// What the driver has counted since the last call, if the port behind it can tell.
+  [[nodiscard]] Errc line_fault() noexcept
+    requires requires(P& port) { port.line_fault(); }
+  {
+    return port_.line_fault();
+  }
+
+  /// Releases the driver, what switches it and the device, so that they can be opened again. Nothing can be sent until
+  /// reopen(). Owner; system calls.
+  void let_go() noexcept {
+    direction_.let_go();
+    if constexpr (requires(P& port) { port.close(); }) port_.close();
+    driving_ = false;
+    transmission_ = {};
+  }
+
+  /// As that of the port, with the direction made ready for the new descriptor. Errors: those of both; the port is
+  /// closed or without direction control then, and the next reopen() tries all of it again. Owner; allocates.
+  [[nodiscard]] std::expected<void, OsError> reopen()
+    requires requires(P& port) { port.reopen(); }
+  {
+    let_go();
+    if (auto opened = port_.reopen(); !opened) return opened;
+    return direction_.open_again(port_.descriptor());
+  }
+
   [[nodiscard]] P& port() noexcept { return port_; }
   [[nodiscard]] const P& port() const noexcept { return port_; }
   [[nodiscard]] const Direction& direction() const noexcept { return direction_; }

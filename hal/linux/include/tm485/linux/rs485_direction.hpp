@@ -9,6 +9,7 @@
 // direction_warning() says in plain words what that means. Specification: section 4.
 #pragma once
 
+#include <cerrno>
 #include <cstdint>
 #include <expected>
 #include <optional>
@@ -95,10 +96,15 @@ class Rs485Direction {
                                                                    const std::string& path,
                                                                    const GpioOptions& gpio = {});
 
-  [[nodiscard]] DirectionKind kind() const noexcept { return kind_; }
+  /// Puts back and releases what it has: before the port is closed to be opened again.
+  void let_go() noexcept { means_.emplace<std::monostate>(); }
+  /// Makes it ready again for the port's new descriptor. Errors: as open().
+  [[nodiscard]] std::expected<void, OsError> open_again(int fd);
+
+  [[nodiscard]] DirectionKind kind() const noexcept { return config_.kind; }
   /// True if somebody has to call enable() and release().
-  [[nodiscard]] bool by_software() const noexcept { return kind_ == DirectionKind::gpio; }
-  /// Driver on, driver off: 0 or errno. One system call; none if not by_software(). Owner.
+  [[nodiscard]] bool by_software() const noexcept { return config_.kind == DirectionKind::gpio; }
+  /// Driver on, driver off: 0 or errno (ENODEV after let_go()). One system call; none if not by_software(). Owner.
   [[nodiscard]] int enable() noexcept { return switch_to(true); }
   [[nodiscard]] int release() noexcept { return switch_to(false); }
 
@@ -109,10 +115,15 @@ class Rs485Direction {
  private:
   [[nodiscard]] int switch_to(bool driving) noexcept {
     GpioLine* const line = std::get_if<GpioLine>(&means_);
-    return line == nullptr ? 0 : line->set(driving);
+    if (line != nullptr) return line->set(driving);
+    return by_software() ? kLetGo : 0;
   }
 
-  DirectionKind kind_ = DirectionKind::automatic;
+  static constexpr int kLetGo = ENODEV;
+
+  DirectionConfig config_;
+  GpioOptions gpio_;
+  std::string path_;  ///< of the port
   ReleaseBound bound_;
   std::string driver_;  ///< kernel: its name, if the system says
   std::variant<std::monostate, KernelRs485, GpioLine> means_;
