@@ -149,16 +149,40 @@ TEST(EepromRestore, WhatDoesNotFitIsRefusedBeforeAnythingIsTouched) {
 TEST(EepromRestore, AsksAtATerminalAndShowsHowFarItIs) {
   const TemporaryFolder folder;
   const std::string file = folder.write("new.bin", pattern());
-  const Finished no = run_at_terminal(restore("sim:", file, {"--virtual"}), "[yes]", "no");
+  const Finished no = run_at_terminal(restore("sim:", file, {"--virtual"}), "(type yes)", "no");
   EXPECT_EQ(no.exit_code, 2);
   EXPECT_NE(no.out.find("write 889 of 889 bytes (about 8.9 s)?"), std::string::npos) << no.out;
   EXPECT_NE(no.out.find("tm485: declined:"), std::string::npos) << no.out;
   EXPECT_FALSE(std::filesystem::exists(file + ".journal"));
-  const Finished yes = run_at_terminal(restore("sim:", file, {"--virtual"}), "[yes]", "yes");
+  const Finished yes = run_at_terminal(restore("sim:", file, {"--virtual"}), "(type yes)", "yes");
   EXPECT_EQ(yes.exit_code, 0) << yes.out;
   EXPECT_NE(yes.out.find("writing   [...."), std::string::npos) << yes.out;
   EXPECT_NE(yes.out.find("889 bytes, 4."), std::string::npos) << yes.out;  // half-way: seconds left
   EXPECT_NE(yes.out.find("verified    all 889 bytes"), std::string::npos) << yes.out;
+}
+
+TEST(EepromRestore, OneImageOnTwoEncodersGivesEachItsOwnBytesBack) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("new.bin", pattern());
+  const Process::Arguments yes{"--yes", "--virtual"};
+  ASSERT_EQ(run(restore("sim:seed=1", file, yes)).exit_code, 0);
+  const Finished second = run(restore("sim:seed=2", file, yes));
+  ASSERT_EQ(second.exit_code, 0) << second.err;
+  EXPECT_NE(second.out.find("--journal " + file + ".journal-2 --undo"), std::string::npos) << second.out;
+  EXPECT_EQ(Json::parse(content(file + ".journal")).at("port"), "sim:seed=1") << "not replaced";
+  EXPECT_EQ(Json::parse(content(file + ".journal-2")).at("port"), "sim:seed=2");
+  const Finished undo = run(restore("sim:seed=1", file, {"--yes", "--virtual", "--undo"}));
+  expect_refused(undo, "which_journal");
+  EXPECT_NE(undo.err.find("on sim:seed=2"), std::string::npos) << undo.err;
+}
+
+TEST(EepromRestore, BackupAndJournalAreTwoFiles) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("new.bin", pattern());
+  const std::string one = folder.path("one");
+  expect_refused(run(restore("sim:", file, {"--yes", "--virtual", "--backup", one, "--journal", one})),
+                 "same_file");
+  EXPECT_FALSE(std::filesystem::exists(one));
 }
 
 TEST(EepromRestore, AWornEepromIsAFailureThatNamesTheByte) {

@@ -161,10 +161,10 @@ TEST(EepromWrite, AsksFirst) {
   const Process::Arguments write{"eeprom", "write", "sim:",  "--page", "0",
                                  "--addr", "1",     "--hex", "12",     "--virtual"};
   expect_refused(run(write), "not_confirmed");
-  const Finished no = run_at_terminal(write, "[yes]", "y");
+  const Finished no = run_at_terminal(write, "(type yes)", "y");
   EXPECT_EQ(no.exit_code, 2);
   EXPECT_NE(no.out.find("tm485: declined:"), std::string::npos) << no.out;
-  const Finished yes = run_at_terminal(write, "[yes]", "Yes");
+  const Finished yes = run_at_terminal(write, "(type yes)", "Yes");
   EXPECT_EQ(yes.exit_code, 0);
   EXPECT_NE(yes.out.find("1 bytes written"), std::string::npos) << yes.out;
   EXPECT_NE(yes.out.find("] 0 of 889 bytes, 0.2 s left"), std::string::npos) << yes.out;

@@ -87,10 +87,10 @@ TEST(Reset, NothingHappensUnasked) {
 
 TEST(Reset, ZeroWantsTheWord) {
   const Process::Arguments zero{"reset", "sim:start=0.25", "zero", "--virtual", "--yes"};
-  const Finished yes = run_at_terminal(zero, "[realign]", "yes");
+  const Finished yes = run_at_terminal(zero, "(type realign)", "yes");
   EXPECT_EQ(yes.exit_code, 2);
   EXPECT_NE(yes.out.find("tm485: declined:"), std::string::npos) << yes.out;
-  const Finished word = run_at_terminal(zero, "[realign]", "realign");
+  const Finished word = run_at_terminal(zero, "(type realign)", "realign");
   EXPECT_EQ(word.exit_code, 0) << word.out;
   EXPECT_NE(word.out.find("done and verified"), std::string::npos) << word.out;
 }

@@ -61,6 +61,15 @@ int print(const std::string& text) {
   return finish(output, kExitGood);
 }
 
+/// Lines such as "page 3, address 17: FF -> A5": `wanted` is new, `found` was there before.
+std::string changes_text(const std::vector<ByteDifference>& changes) {
+  std::string text;
+  for (const ByteDifference& byte : changes)
+    text += fmt::format("\n  page {}, address {:>3}: {:02X} -> {:02X}", byte.page, byte.address, byte.found,
+                        byte.wanted);
+  return text;
+}
+
 /// What verify and diff have in common.
 struct Comparison {
   std::size_t bytes = 0;
@@ -127,11 +136,13 @@ int run_eeprom_write(const EepromOptions& options) {
   if (!before) return report(before.error());
   EepromImage wanted = *before;
   std::copy(bytes.begin(), bytes.end(), wanted.bytes.begin() + *first);
-  const std::size_t differing = differences(*shape, wanted.bytes, before->bytes).size();
-  if (const auto yes = confirm(options.yes,
-                               fmt::format("Write {} bytes to page {} from address {} on ({} differ)?",
-                                           bytes.size(), options.page, options.address, differing),
-                               "yes");
+  const auto changes = differences(*shape, wanted.bytes, before->bytes);
+  const std::size_t differing = changes.size();
+  if (const auto yes =
+          confirm(options.yes,
+                  fmt::format("Write {} bytes to page {} from address {} on ({} differ)?{}", bytes.size(),
+                              options.page, options.address, differing, changes_text(changes)),
+                  "yes");
       !yes)
     return report(yes.error());
   const auto done = encoder->runner->write(*first, bytes, "writing");
@@ -151,8 +162,8 @@ int run_eeprom_write(const EepromOptions& options) {
                    "write again; if it persists the EEPROM is worn or busy for longer than the profile says",
                    kExitFailure});
   if (!options.port.json)
-    return print(fmt::format("{} bytes written, {} as they were; all {} bytes verified\n{}\n", differing,
-                             bytes.size() - differing, wanted.bytes.size(),
+    return print(fmt::format("{} bytes written, {} as they were; all {} bytes verified{}\n{}\n", differing,
+                             bytes.size() - differing, wanted.bytes.size(), changes_text(changes),
                              totals_text(encoder->runner->totals())));
   JsonObject json = head_json(*encoder);
   json.set("page", options.page).set("address", options.address).set("count", bytes.size());

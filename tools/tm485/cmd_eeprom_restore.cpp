@@ -76,32 +76,38 @@ class Restore {
     if (auto can = can_confirm(options_.yes, "--yes"); !can) return can;
     const auto shape = shape_of(options_.port);
     if (!shape) return std::unexpected(shape.error());
-    auto journal = load_journal(journal_path_, *shape);
-    if (!journal) return std::unexpected(std::move(journal.error()));
-    return action_ == Action::restore ? prepare_restore(*shape, *journal) : prepare_from(*shape, *journal);
+    const auto journals = journals_of(journal_path_, *shape);
+    if (!journals) return std::unexpected(journals.error());
+    return action_ == Action::restore ? prepare_restore(*shape, *journals) : prepare_from(*shape, *journals);
   }
 
-  Result prepare_restore(const EepromShape& shape, const std::optional<EepromJournal>& journal) {
-    if (journal && journal->state == JournalState::unfinished)
-      return refused("unfinished_restore",
-                     fmt::format("'{}' says that a restore was not finished", journal_path_),
-                     "finish it with --resume, or take it back with --undo");
+  Result prepare_restore(const EepromShape& shape, const std::vector<JournalFile>& journals) {
+    for (const JournalFile& one : journals)
+      if (one.journal.state == JournalState::unfinished)
+        return refused(
+            "unfinished_restore",
+            fmt::format("'{}' says that a restore on {} was not finished", one.path, one.journal.port),
+            "finish it with --resume, or take it back with --undo; another encoder needs another "
+            "--journal");
+    journal_path_ = next_journal(journal_path_, journals.size());
+    if (options_.backup == journal_path_)
+      return refused("same_file", fmt::format("'{}' is to be backup and journal", journal_path_),
+                     "give them different names");
     auto image = load_image(options_.file, image_format(options_.file, options_.format), shape);
     if (!image) return std::unexpected(std::move(image.error()));
     journal_.wanted = std::move(*image);
     return {};
   }
 
-  Result prepare_from(const EepromShape& shape, const std::optional<EepromJournal>& journal) {
-    if (!journal)
-      return refused("no_journal", fmt::format("there is no journal '{}'", journal_path_),
-                     "name the journal of the restore with --journal");
-    const bool open = journal->state == JournalState::unfinished;
-    if (!open && (action_ == Action::resume || journal->state == JournalState::undone))
-      return refused("nothing_to_do",
-                     fmt::format("'{}' says that this restore is {}", journal_path_, name(journal->state)),
-                     "a new restore needs neither --resume nor --undo");
-    journal_ = *journal;
+  Result prepare_from(const EepromShape& shape, const std::vector<JournalFile>& journals) {
+    // One that was named is that one, and none of its numbered neighbours.
+    const bool named = !options_.journal.empty() && !journals.empty();
+    const std::vector<JournalFile>& among = named ? std::vector{journals.front()} : journals;
+    auto found = action_ == Action::resume ? journal_to_resume(journal_path_, among)
+                                           : journal_to_undo(journal_path_, among);
+    if (!found) return std::unexpected(std::move(found.error()));
+    journal_path_ = found->path;
+    journal_ = std::move(found->journal);
     if (::access(options_.file.c_str(), F_OK) != 0) return {};
     // The journal has all that is needed; but it must be the journal of this file.
     const auto image = load_image(options_.file, image_format(options_.file, options_.format), shape);
@@ -110,7 +116,7 @@ class Restore {
       return refused(
           "other_image",
           fmt::format("'{}' is the journal of another image than '{}'", journal_path_, options_.file),
-          "name the file and the journal that belong together");
+          "name the file and the journal that belong together; without FILE the journal alone is enough");
     return {};
   }
 
@@ -168,8 +174,11 @@ class Restore {
         "other_encoder",
         fmt::format("{}: {} bytes are neither those of before the restore nor those of the image",
                     encoder_.session->port().text(), foreign),
-        "connect the encoder that the journal belongs to; of another one, restore without --resume "
-        "or --undo and with another --journal");
+        fmt::format(
+            "connect the encoder that the journal belongs to; to another one, restore without --resume or "
+            "--undo and with another --journal. If it is this one, and it was written to since: the bytes "
+            "of before are in '{}'",
+            journal_.backup_file));
   }
 
   [[nodiscard]] std::string question() const {
@@ -189,6 +198,7 @@ class Restore {
       journal_.before = std::move(present);
     }
     journal_.state = JournalState::unfinished;
+    journal_.port = encoder_.session->port().text();
     return save_journal(journal_path_, journal_);
   }
 
@@ -241,9 +251,18 @@ class Restore {
     problem.cause += fmt::format("; {} writes were sent", runner().totals().writes);
     if (!problem.remedy.empty()) problem.remedy += "; then ";
     problem.remedy += fmt::format(
-        "tm485 eeprom restore {} {} --resume finishes, --undo brings the old bytes back (journal '{}')",
-        encoder_.session->port().text(), options_.file, journal_path_);
+        action_ == Action::undo ? "{0} --undo goes on to the old bytes, {0} --resume to those of the image"
+                                : "{0} --resume finishes, {0} --undo brings the old bytes back",
+        again());
     return std::unexpected(std::move(problem));
+  }
+
+  /// How this restore is called up again.
+  [[nodiscard]] std::string again() const {
+    std::string text =
+        fmt::format("tm485 eeprom restore {} {}", encoder_.session->port().text(), options_.file);
+    if (journal_path_ != default_journal(options_.file)) text += " --journal " + journal_path_;
+    return text;
   }
 
   [[nodiscard]] std::string json_text() {
@@ -279,6 +298,7 @@ class Restore {
     text += fmt::format("took        {} ({}): {}\n",
                         milliseconds_text(account_.read_time + account_.write_time + account_.verify_time),
                         encoder_.session->clock_name(), totals_text(runner().totals()));
+    if (action_ == Action::restore) text += fmt::format("take back   {} --undo\n", again());
     return text;
   }
 

@@ -3,6 +3,7 @@
 #include "tm485/bus/reset_run.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "ask_encoder.hpp"
 #include "commands.hpp"
@@ -105,7 +106,11 @@ std::string outcome_text(const ResetOptions& options, const ResetOutcome& outcom
   row("after", outcome.abs_after, outcome.turns_after, outcome.status_after);
   if (options.what == "zero")
     text += fmt::format("{:<10} old 0, new {}\n", "offset", angle_text(outcome.abs_before, profile));
-  text += outcome.verdict == ResetVerdict::verified ? "done and verified\n" : "";
+  if (outcome.verdict != ResetVerdict::verified) return text;
+  text += "done and verified\n";
+  if (!outcome.persisting.empty())
+    text += fmt::format("still reported, and ignored by profile {}: {}\n", profile.name,
+                        fmt::join(bit_names(outcome.persisting), " "));
   return text;
 }
 
@@ -128,8 +133,7 @@ std::expected<void, Problem> ask(const ResetOptions& options, const std::string&
   const bool zero = options.what == "zero";
   const bool answered = zero ? options.yes_realign : options.yes;
   if (!options.port.json || !answered) fmt::print(stderr, "{}\n", will_do);
-  return zero ? confirm(answered, "Type the word realign to go on:", "realign")
-              : confirm(answered, "Go on?", "yes");
+  return zero ? confirm(answered, "Go on?", "realign") : confirm(answered, "Go on?", "yes");
 }
 
 }  // namespace

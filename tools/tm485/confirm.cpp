@@ -32,7 +32,7 @@ std::expected<void, Problem> can_confirm(bool answered, std::string_view option)
 
 std::expected<void, Problem> confirm(bool answered, const std::string& question, std::string_view word) {
   if (answered) return {};
-  fmt::print(stderr, "{} [{}] ", question, word);
+  fmt::print(stderr, "{} (type {}) ", question, word);
   std::fflush(stderr);
   LineReader reader;
   std::string_view line;

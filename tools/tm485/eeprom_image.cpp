@@ -71,10 +71,12 @@ std::expected<EepromImage, Problem> parse_json_image(std::string_view content, c
   }
   const std::string stated = text_of(json, "crc32");
   if (stated != crc32_text(image.bytes))
-    return std::unexpected(usage_problem("image_checksum",
-                                         fmt::format("'{}': its \"crc32\" is \"{}\", that of its bytes {}",
-                                                     file, stated, crc32_text(image.bytes)),
-                                         "the file was changed or damaged: use another copy"));
+    return std::unexpected(
+        usage_problem("image_checksum",
+                      fmt::format("'{}': its \"crc32\" is \"{}\", that of its bytes {}", file, stated,
+                                  crc32_text(image.bytes)),
+                      "the file is damaged: use another copy. If you have changed bytes on purpose, put "
+                      "the checksum of its bytes into \"crc32\""));
   image.profile = text_of(json, "profile");
   image.date = text_of(json, "date");
   if (const auto enid = json.find("enid"); enid != json.end() && enid->is_number_unsigned())

@@ -18,7 +18,7 @@ constexpr std::size_t kLargestFile = 131'072;
 
 Problem bad_journal(const std::string& path, std::string_view why) {
   return usage_problem("bad_journal", fmt::format("'{}' is no journal of a restore: {}", path, why),
-                       "name the journal with --journal, or move this file away");
+                       "name another journal with --journal, or move this file away");
 }
 
 std::optional<JournalState> state_of(const Json& json) {
@@ -29,8 +29,10 @@ std::optional<JournalState> state_of(const Json& json) {
 
 std::expected<EepromImage, Problem> image_of(const Json& json, const char* key, const EepromShape& shape,
                                              const std::string& path) {
-  return parse_image(json.value(key, Json()).dump(), ImageFormat::json, shape,
-                     fmt::format("{}: \"{}\"", path, key));
+  auto image = parse_image(json.value(key, Json()).dump(), ImageFormat::json, shape,
+                           fmt::format("{}: \"{}\"", path, key));
+  if (!image) return std::unexpected(bad_journal(path, image.error().cause));
+  return image;
 }
 
 }  // namespace
@@ -42,6 +44,68 @@ std::string_view name(JournalState state) noexcept {
 }
 
 std::string default_journal(const std::string& file) { return file + ".journal"; }
+
+std::string next_journal(const std::string& base, std::size_t existing) {
+  return existing == 0 ? base : fmt::format("{}-{}", base, existing + 1);
+}
+
+std::expected<std::vector<JournalFile>, Problem> journals_of(const std::string& base,
+                                                             const EepromShape& shape) {
+  std::vector<JournalFile> all;
+  while (true) {
+    std::string path = next_journal(base, all.size());
+    auto journal = load_journal(path, shape);
+    if (!journal) return std::unexpected(std::move(journal.error()));
+    if (!*journal) return all;
+    all.push_back({std::move(path), std::move(**journal)});
+  }
+}
+
+namespace {
+Problem no_journal(const std::string& base) {
+  return usage_problem("no_journal", fmt::format("there is no journal '{}'", base),
+                       "name the journal of the restore with --journal");
+}
+Problem nothing_to_do(const JournalFile& last) {
+  return usage_problem("nothing_to_do",
+                       fmt::format("'{}' says that this restore is {}", last.path, name(last.journal.state)),
+                       "a new restore needs neither --resume nor --undo");
+}
+const JournalFile* find_unfinished(const std::vector<JournalFile>& all) {
+  for (const JournalFile& one : all)
+    if (one.journal.state == JournalState::unfinished) return &one;
+  return nullptr;
+}
+}  // namespace
+
+std::expected<JournalFile, Problem> journal_to_resume(const std::string& base,
+                                                      const std::vector<JournalFile>& all) {
+  if (all.empty()) return std::unexpected(no_journal(base));
+  if (const JournalFile* const open = find_unfinished(all)) return *open;
+  return std::unexpected(nothing_to_do(all.back()));
+}
+
+std::expected<JournalFile, Problem> journal_to_undo(const std::string& base,
+                                                    const std::vector<JournalFile>& all) {
+  if (all.empty()) return std::unexpected(no_journal(base));
+  if (const JournalFile* const open = find_unfinished(all)) return *open;
+  const JournalFile* found = nullptr;
+  std::string list;
+  std::size_t count = 0;
+  for (const JournalFile& one : all) {
+    if (one.journal.state != JournalState::restored) continue;
+    found = &one;
+    ++count;
+    list += fmt::format("\n  {}: on {}, bytes of before from {}", one.path, one.journal.port,
+                        one.journal.before.date);
+  }
+  if (count == 0) return std::unexpected(nothing_to_do(all.back()));
+  if (count == 1) return *found;
+  return std::unexpected(usage_problem(
+      "which_journal",
+      fmt::format("this image was restored {} times, perhaps to several encoders:{}", count, list),
+      "name that of this encoder with --journal"));
+}
 
 std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::string& path,
                                                                   const EepromShape& shape) {
@@ -60,9 +124,11 @@ std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::str
   if (!wanted) return std::unexpected(std::move(wanted.error()));
   auto before = image_of(json, "before", shape, path);
   if (!before) return std::unexpected(std::move(before.error()));
-  const Json backup = json.value("backup_file", Json());
-  return EepromJournal{*state, backup.is_string() ? backup.get<std::string>() : std::string(),
-                       std::move(*wanted), std::move(*before)};
+  const auto text = [&json](const char* key) {
+    const Json value = json.value(key, Json());
+    return value.is_string() ? value.get<std::string>() : std::string();
+  };
+  return EepromJournal{*state, text("port"), text("backup_file"), std::move(*wanted), std::move(*before)};
 }
 
 std::expected<void, Problem> save_journal(const std::string& path, const EepromJournal& journal) {
@@ -70,6 +136,7 @@ std::expected<void, Problem> save_journal(const std::string& path, const EepromJ
   json["format"] = kFormat;
   json["version"] = kVersion;
   json["state"] = name(journal.state);
+  json["port"] = journal.port;
   json["backup_file"] = journal.backup_file;
   json["wanted"] = Json::parse(image_text(journal.wanted, ImageFormat::json));
   json["before"] = Json::parse(image_text(journal.before, ImageFormat::json));

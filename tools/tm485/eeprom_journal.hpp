@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "eeprom_image.hpp"
 #include "problem.hpp"
@@ -18,6 +19,7 @@ enum class JournalState : std::uint8_t { unfinished, restored, undone };
 
 struct EepromJournal {
   JournalState state = JournalState::unfinished;
+  std::string port;         ///< as typed, for people: which of several encoders it was
   std::string backup_file;  ///< the same as `before`, as a file of its own
   EepromImage wanted;
   EepromImage before;
@@ -25,6 +27,25 @@ struct EepromJournal {
 
 /// "FILE.journal".
 [[nodiscard]] std::string default_journal(const std::string& file);
+
+/// One image may be restored to many encoders, and each has its own bytes to go back to. So a journal is never replaced
+/// by that of another restore: they are BASE, BASE-2, BASE-3 ...
+struct JournalFile {
+  std::string path;
+  EepromJournal journal;
+};
+/// Those that there are. Problem: that of load_journal.
+[[nodiscard]] std::expected<std::vector<JournalFile>, Problem> journals_of(const std::string& base,
+                                                                           const EepromShape& shape);
+/// The name for one more.
+[[nodiscard]] std::string next_journal(const std::string& base, std::size_t existing);
+/// The one that --resume goes on with: unfinished. Problems, exit code 2: no_journal, nothing_to_do.
+[[nodiscard]] std::expected<JournalFile, Problem> journal_to_resume(const std::string& base,
+                                                                    const std::vector<JournalFile>& all);
+/// The one that --undo takes back: unfinished, or else the only one that is not undone. Problems, exit code 2: no_journal,
+/// nothing_to_do, which_journal.
+[[nodiscard]] std::expected<JournalFile, Problem> journal_to_undo(const std::string& base,
+                                                                  const std::vector<JournalFile>& all);
 
 /// Nothing if there is no such file. Problem: bad_journal, file_failed or those of parse_image (exit code 2).
 [[nodiscard]] std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::string& path,

@@ -52,6 +52,8 @@ std::expected<void, Problem> EepromRunner::drive_to_end(std::string_view label) 
     if (!manager_.active()) break;
     if (stop_requested() && give_up == kNever) {
       manager_.cancel();
+      bar_.clear();
+      fmt::print(stderr, "tm485: stopping behind the byte under way; Ctrl-C again stops at once\n");
       give_up = now + kLongestCancel;
     }
     if (now >= give_up)

@@ -84,7 +84,8 @@ std::string doubt_text(const EepromDoubt& doubt) {
   std::string text =
       fmt::format("; page {}, address {} may be wrong until it is finished", doubt.page, doubt.address);
   if (const auto pages = pages_of(doubt.pages); !pages.empty())
-    text += fmt::format(", and any byte of page {}", fmt::join(pages, ", "));
+    text += fmt::format(", and if noise has garbled the last request, any byte of page {}",
+                        fmt::join(pages, ", "));
   return text;
 }
 
