@@ -16,7 +16,7 @@ TEST(Usage, VersionAndHelp) {
   EXPECT_EQ(version_text.exit_code, 0);
   EXPECT_EQ(version_text.out, std::string("tm485 ") + TM485_VERSION_STRING + "\n");
   for (const char* command :
-       {"", "decode", "info", "read", "monitor", "bench", "sim", "eeprom", "reset", "profiles"}) {
+       {"", "decode", "info", "read", "monitor", "bench", "sim", "eeprom", "reset", "list", "profiles"}) {
     Process::Arguments arguments;
     if (*command != '\0') arguments.emplace_back(command);
     arguments.emplace_back("--help");

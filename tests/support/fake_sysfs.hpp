@@ -81,6 +81,10 @@ class FakeSysfs {
     write(root_ / "sys/class/tty" / name / "type", type);
   }
 
+  void set_attribute(const std::string& name, const std::string& attribute, const std::string& value) {
+    write(root_ / "sys/class/tty" / name / attribute, value);
+  }
+
   /// A console: a tty without a device.
   void add_console(const std::string& name) {
     std::filesystem::create_directories(root_ / "sys/class/tty" / name);

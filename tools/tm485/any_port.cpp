@@ -28,8 +28,13 @@ Problem bad_port(const std::string& text, std::string_view why) {
 }
 
 Problem open_problem(const linux_hal::OsError& error) {
-  return {error.code == Errc::port_gone ? "port_gone" : "open_failed", error.what, error.remedy,
-          kExitFailure};
+  Problem problem{"open_failed", error.what, error.remedy, kExitFailure};
+  if (!error.name.empty())
+    problem.name = error.name;
+  else if (error.code == Errc::port_gone)
+    problem.name = "port_gone";
+  if (problem.name == "chip_unfit") problem.remedy += "; --any-chip opens it all the same";
+  return problem;
 }
 
 Problem bad_direction(const std::string& text, const linux_hal::DirectionConfig& direction) {
@@ -60,9 +65,11 @@ auto with_port(Variant& port, const Function& function) noexcept {
 }  // namespace
 
 std::expected<AnyPort::Variant, Problem> AnyPort::open_serial(const std::string& path, std::uint32_t bit_rate,
-                                                              const linux_hal::DirectionConfig& direction) {
+                                                              const linux_hal::DirectionConfig& direction,
+                                                              bool any_chip) {
   linux_hal::SerialOptions options;
   options.bit_rate = bit_rate;
+  options.refuse_unfit_chip = !any_chip;
   auto port = linux_hal::SerialPort::open(path, options);
   if (!port) return std::unexpected(open_problem(port.error()));
   if (direction.kind == linux_hal::DirectionKind::automatic) return std::move(*port);
@@ -75,7 +82,8 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_serial(const std::string&
 
 std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string& text,
                                                                std::uint32_t bit_rate,
-                                                               const linux_hal::DirectionConfig& direction) {
+                                                               const linux_hal::DirectionConfig& direction,
+                                                               bool any_chip) {
   const bool directed = direction.kind != linux_hal::DirectionKind::automatic;
   if (text == "sim" || text.starts_with(kSim)) {
     auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
@@ -108,26 +116,27 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
   }
   if (path.find('/') == std::string::npos)
     return std::unexpected(bad_port(text, "this is none of the kinds of port that there are"));
-  return open_serial(path, bit_rate, direction);
+  return open_serial(path, bit_rate, direction, any_chip);
 }
 
 std::expected<AnyPort, Problem> AnyPort::open(const std::string& text, std::uint32_t bit_rate,
-                                              bool virtual_time, const std::string& direction) {
+                                              bool virtual_time, const std::string& direction,
+                                              bool any_chip) {
   const auto config = linux_hal::parse_direction(direction);
   if (!config)
     return std::unexpected(usage_problem("bad_direction", "--" + config.error().what, config.error().remedy));
-  auto port = open_variant(text, bit_rate, *config);
+  auto port = open_variant(text, bit_rate, *config, any_chip);
   if (!port) return std::unexpected(std::move(port.error()));
   if (virtual_time && !std::holds_alternative<Simulated>(*port)) {
     return std::unexpected(
         usage_problem("bad_virtual", fmt::format("'{}' is a real port: it cannot run in virtual time", text),
                       "leave --virtual out, or use a simulated encoder: sim:"));
   }
-  return AnyPort(text, bit_rate, virtual_time, *config, std::move(*port));
+  return AnyPort(text, bit_rate, virtual_time, *config, any_chip, std::move(*port));
 }
 
 AnyPort AnyPort::simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name) {
-  return {std::move(name), 0, true, {}, std::move(encoder)};
+  return {std::move(name), 0, true, {}, false, std::move(encoder)};
 }
 
 std::string AnyPort::default_profile(const std::string& text) {
@@ -145,13 +154,44 @@ std::string AnyPort::default_profile(const std::string& text) {
 }
 
 std::expected<void, Problem> AnyPort::reopen() {
+  if (auto* const serial = std::get_if<linux_hal::SerialPort>(&port_)) {
+    if (const auto opened = serial->reopen(); !opened) return std::unexpected(open_problem(opened.error()));
+    gone_ = false;
+    return {};
+  }
   // What holds a GPIO line must let go of it before the same line is asked for again.
-  if (Directed* const directed = std::get_if<Directed>(&port_)) directed->let_go();
-  auto port = open_variant(text_, bit_rate_, direction_);
+  std::string text = text_;
+  if (Directed* const directed = std::get_if<Directed>(&port_)) {
+    text = directed->port().reopen_path();
+    directed->let_go();
+  }
+  auto port = open_variant(text, bit_rate_, direction_, any_chip_);
   if (!port) return std::unexpected(std::move(port.error()));
   port_ = std::move(*port);
   gone_ = false;
   return {};
+}
+
+std::vector<Problem> AnyPort::warnings() const {
+  std::vector<Problem> warnings;
+  const linux_hal::SerialPort* serial = std::get_if<linux_hal::SerialPort>(&port_);
+  if (const Directed* const directed = std::get_if<Directed>(&port_)) serial = &directed->port();
+  if (serial == nullptr) return warnings;
+  const linux_hal::LatencyTimer& timer = serial->latency_timer();
+  if (timer.state == linux_hal::LatencyTimer::State::refused) {
+    warnings.push_back(
+        {"latency_timer",
+         fmt::format(
+             "{}: the latency timer stays at {} ms, so no cycle is shorter{}", text_, timer.milliseconds,
+             timer.error_number == 0 ? std::string{} : fmt::format(" (errno {})", timer.error_number)),
+         std::string(timer.remedy()), kExitGood});
+  }
+  const linux_hal::RateAbility ability = linux_hal::rate_ability(serial->identity(), bit_rate_);
+  if (ability.verdict == linux_hal::RateVerdict::cannot) {
+    const linux_hal::OsError error = linux_hal::chip_unfit(serial->identity(), bit_rate_, ability.nearest);
+    warnings.push_back({std::string(error.name), error.what, error.remedy, kExitGood});
+  }
+  return warnings;
 }
 
 PortCapability AnyPort::capability() const noexcept {

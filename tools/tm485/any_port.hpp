@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "problem.hpp"
 #include "tm485/bus/port.hpp"
@@ -27,11 +28,13 @@ class AnyPort {
  public:
   /// Opens the port of a text. `virtual_time`: a simulated one is driven in virtual time; otherwise it promises what a
   /// loop that spins on the real clock can hold. `direction`: who switches the driver of a serial device, as
-  /// linux_hal::parse_direction reads it. Problems: bad_port, bad_direction (exit code 2: the text means nothing, or not
-  /// for this port), bad_virtual (2: a real port cannot), port_gone or open_failed (1).
+  /// linux_hal::parse_direction reads it. `any_chip`: open also a chip that is known not to make the rate. Problems:
+  /// bad_port, bad_direction (exit code 2: the text means nothing, or not for this port), bad_virtual (2: a real port
+  /// cannot), port_gone, rate_refused, chip_unfit or open_failed (1).
   [[nodiscard]] static std::expected<AnyPort, Problem> open(const std::string& text, std::uint32_t bit_rate,
                                                             bool virtual_time,
-                                                            const std::string& direction = "auto");
+                                                            const std::string& direction = "auto",
+                                                            bool any_chip = false);
 
   /// A simulated encoder that its maker goes on to look at, in virtual time. It cannot be opened again.
   [[nodiscard]] static AnyPort simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name);
@@ -39,7 +42,8 @@ class AnyPort {
   /// The profile that fits a port if none is given: that of `sim:profile=NAME`, otherwise tm485_17.
   [[nodiscard]] static std::string default_profile(const std::string& text);
 
-  /// Opens the same text again, after gone(). On a problem nothing has changed.
+  /// Opens the same device again, after gone(): a serial one under whatever number it has come back. On a problem it
+  /// stays gone.
   [[nodiscard]] std::expected<void, Problem> reopen();
 
   // The port.
@@ -67,6 +71,9 @@ class AnyPort {
   [[nodiscard]] std::uint32_t late_releases() const noexcept;
   /// See linux_hal::direction_warning().
   [[nodiscard]] std::optional<std::string> direction_warning() const;
+  /// What opening has found that a person should know, each with its remedy: a latency timer that could not be set, a
+  /// chip that is not fit.
+  [[nodiscard]] std::vector<Problem> warnings() const;
   /// The device or the other end has vanished.
   [[nodiscard]] bool gone() const noexcept { return gone_; }
 
@@ -78,21 +85,25 @@ class AnyPort {
       std::variant<Simulated, linux_hal::SerialPort, Directed, linux_hal::UnixPort, linux_hal::MmioUart>;
 
   AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time,
-          const linux_hal::DirectionConfig& direction, Variant port)
+          const linux_hal::DirectionConfig& direction, bool any_chip, Variant port)
       : text_(std::move(text)),
         bit_rate_(bit_rate),
         virtual_time_(virtual_time),
         direction_(direction),
+        any_chip_(any_chip),
         port_(std::move(port)) {}
   [[nodiscard]] static std::expected<Variant, Problem> open_variant(
-      const std::string& text, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction);
+      const std::string& text, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction,
+      bool any_chip);
   [[nodiscard]] static std::expected<Variant, Problem> open_serial(
-      const std::string& path, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction);
+      const std::string& path, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction,
+      bool any_chip);
 
   std::string text_;
   std::uint32_t bit_rate_;
   bool virtual_time_;
   linux_hal::DirectionConfig direction_;
+  bool any_chip_;
   Variant port_;
   std::uint64_t sends_ = 0;
   bool gone_ = false;

@@ -79,6 +79,7 @@ std::string bench_json(Session& session, Recorder& recorder, Time measured) {
   json.set("cycles", statistics.cycles).set("good", statistics.good).set("failed", statistics.failed);
   json.set("errors", error_counts_json(statistics)).set("lost", statistics.lost);
   json.set("slips", statistics.slips).set("skipped", statistics.skipped);
+  json.set("port_returns", session.port_returns());
   json.set("rate_hz", rate.achieved).set("limit_hz", rate.limit).set("rate_percent", rate.percent);
   json.set("period", to_json(recorder.period)).set("lateness", to_json(recorder.lateness));
   json.set(reply_delay_key(session.capability()), to_json(recorder.reply_delay));
@@ -111,6 +112,8 @@ std::string bench_text(Session& session, Recorder& recorder, Time measured) {
                   statistics.good, statistics.failed, statistics.slips, statistics.skipped, statistics.lost);
   text += fmt::format("errors   {}\n", error_counts(statistics));
   text += direction_warning_lines(session.port());
+  if (session.port_returns() != 0)
+    text += fmt::format("port     unplugged and back {} times\n", session.port_returns());
   if (recorder.period.kept() < recorder.period.count())
     text += fmt::format("percentiles from {} values chosen at random out of {}\n", recorder.period.kept(),
                         recorder.period.count());
@@ -125,13 +128,15 @@ std::expected<Time, Problem> duration(const std::string& text) {
                     "write seconds (2.5) or a time (500ms)"));
 }
 
-/// Steps until `end`. The problem that ended the run before, if there is one.
+/// Steps until `end`, also while the port is unplugged. The problem that ended the run before, if there is one, or that
+/// the port is still gone.
 std::optional<Problem> measure(Session& session, Time end, Recorder& recorder) {
   while (!stop_requested() && session.now() < end) {
     if (session.step(end)) recorder.add(session.bus().last_record());
+    if (session.tend_port()) continue;
     if (auto problem = session.failure()) return problem;
   }
-  return std::nullopt;
+  return session.port().gone() ? session.failure() : std::nullopt;
 }
 
 }  // namespace

@@ -15,7 +15,6 @@ namespace {
 
 constexpr Time kDrawEvery = std::chrono::milliseconds(100);
 constexpr Time kLineEvery = std::chrono::seconds(1);
-constexpr Time kReopenEvery = std::chrono::seconds(1);
 
 class Monitor {
  public:
@@ -28,9 +27,9 @@ class Monitor {
     Time next = session_->now() + every;
     while (!stop_requested() && session_->now() < end) {
       (void)session_->step(std::min(next, end));
+      (void)session_->tend_port(drawn_);
       if (session_->now() < next) continue;
       if (!show()) break;
-      reopen_if_gone();
       next += every;
       if (next < session_->now()) next = session_->now() + every;
     }
@@ -52,12 +51,6 @@ class Monitor {
            output_.flush();
   }
 
-  void reopen_if_gone() {
-    if (!session_->port().gone() || session_->now() < reopen_at_) return;
-    reopen_at_ = session_->now() + kReopenEvery;
-    if (session_->port().reopen()) session_->bus().on_restart(session_->now());
-  }
-
   Session* session_;
   Output output_;
   Screen screen_;
@@ -65,7 +58,6 @@ class Monitor {
   bool json_;
   bool drawn_;
   Time shown_at_{0};
-  Time reopen_at_{0};
 };
 
 }  // namespace

@@ -24,7 +24,8 @@ struct PortOptions {
   std::string max_speed;  ///< empty: that of AxisConfig
   bool echo = false;      ///< the port receives its own requests
   std::string direction =
-      "auto";  ///< who switches the RS-485 driver, in the words of linux_hal::parse_direction
+      "auto";             ///< who switches the RS-485 driver, in the words of linux_hal::parse_direction
+  bool any_chip = false;  ///< open also a chip that is known not to make the bit rate
   bool json = false;
 };
 
@@ -147,6 +148,13 @@ struct ResetOptions {
   bool yes_realign = false;  ///< zero: the motor's electrical alignment may move
 };
 int run_reset(const ResetOptions& options);
+
+struct ListOptions {
+  bool json = false;
+  std::string sysfs_root = "/sys";  ///< tests put their own there
+  std::string dev_root = "/dev";
+};
+int run_list(const ListOptions& options);
 
 /// The presets.
 int run_profiles(bool json);

@@ -8,6 +8,7 @@
 #include "stop_signal.hpp"
 #include "tm485/version.hpp"
 #include "usage_eeprom.hpp"
+#include "usage_list.hpp"
 
 namespace {
 
@@ -41,6 +42,7 @@ struct Commands {
   ServoDemoOptions servo_demo;
   EepromOptions eeprom;
   ResetOptions reset;
+  ListOptions list;
   bool profiles_json = false;
 };
 
@@ -55,6 +57,8 @@ void add_port_options(CLI::App& app, PortOptions& options) {
                  "Who switches the RS-485 driver: auto (transceiver, adapter), kernel[:low][:mute], "
                  "gpio:CHIP:LINE[:low] or gpio:NAME[:low]")
       ->capture_default_str();
+  app.add_flag("--any-chip", options.any_chip,
+               "Open the port also if its chip is known not to make the bit rate");
   app.add_flag("--json", options.json, "One JSON object a line");
 }
 
@@ -304,6 +308,7 @@ int run(const CLI::App& app, const Commands& commands) {
   if (chosen("servo-demo")) return run_servo_demo(commands.servo_demo);
   if (chosen("eeprom")) return run_eeprom(app, commands.eeprom);
   if (chosen("reset")) return run_reset(commands.reset);
+  if (chosen("list")) return run_list(commands.list);
   return run_profiles(commands.profiles_json);
 }
 
@@ -335,6 +340,7 @@ int main(int argc, char** argv) {
   add_servo_demo(app, commands);
   add_eeprom(app, commands.eeprom, add_port_options);
   add_reset(app, commands.reset, add_port_options);
+  add_list(app, commands.list);
   CLI::App& profiles = *app.add_subcommand("profiles", "The preset profiles");
   profiles.add_flag("--json", commands.profiles_json, "One JSON object a profile, times in ns");
   profiles.footer("Example:\n  tm485 profiles --json");

@@ -96,8 +96,9 @@ std::expected<std::unique_ptr<Session>, Problem> Session::open(const SessionOpti
   const auto profile = profile_for(options.port);
   if (!profile) return std::unexpected(profile.error());
   auto port = AnyPort::open(options.port.port, profile->profile().bit_rate, options.virtual_time,
-                            options.port.direction);
+                            options.port.direction, options.port.any_chip);
   if (!port) return std::unexpected(std::move(port.error()));
+  for (const Problem& warning : port->warnings()) report(warning);
   return begin(std::move(*port), *profile, options);
 }
 
@@ -160,6 +161,26 @@ void Session::wait(Time until, Time at) {
     return;
   }
   (void)clock_.wait_until(std::min(until, at + kNap + linux_hal::MonotonicClock::kSpinMargin));
+}
+
+bool Session::tend_port(bool quiet) {
+  using Event = linux_hal::Reopener::Event;
+  switch (reopener_.tend(port_, *bus_, now())) {
+    case Event::gone:
+      returning_ = true;
+      if (quiet) break;
+      report({"port_gone", fmt::format("{} has vanished; waiting for it", port_.text()),
+              "plug the adapter in again", kExitGood});
+      break;
+    case Event::back:
+      if (quiet) break;
+      report({"port_back", fmt::format("{} is there again; starting up", port_.text()), {}, kExitGood});
+      break;
+    case Event::none:
+      break;
+  }
+  if (!port_.gone() && bus_->state() == BusState::running) returning_ = false;
+  return returning_;
 }
 
 std::optional<Problem> Session::failure() const {

@@ -12,6 +12,7 @@
 #include "problem.hpp"
 #include "tm485/bus/bus.hpp"
 #include "tm485/linux/clock.hpp"
+#include "tm485/linux/reopener.hpp"
 #include "tm485/sim/virtual_clock.hpp"
 
 namespace tm485::cli {
@@ -49,6 +50,12 @@ class Session {
   /// if Ctrl-C came first (name "stopped", nothing to report).
   [[nodiscard]] std::expected<void, Problem> wait_for_startup();
 
+  /// Brings a port back that was unplugged, and says so on standard error unless `quiet`: to be called between two steps. True while
+  /// the port is gone, and from its return on until start-up is through: failure() is no news then.
+  bool tend_port(bool quiet = false);
+  /// How often the port has come back.
+  [[nodiscard]] std::uint32_t port_returns() const noexcept { return reopener_.times(); }
+
   /// Start-up has failed since it was last through, or the port has vanished: what and why.
   [[nodiscard]] std::optional<Problem> failure() const;
 
@@ -83,6 +90,8 @@ class Session {
   bool in_flight_ = false;
   Time sent_at_{0};
   std::uint32_t unseen_ = 0;
+  bool returning_ = false;
+  linux_hal::Reopener reopener_;
   linux_hal::MonotonicClock clock_;
   sim::VirtualClock virtual_clock_;
   std::optional<Bus<AnyPort>> bus_;

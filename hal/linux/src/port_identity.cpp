@@ -108,6 +108,7 @@ PortIdentity identify_port(const std::string& path, const SystemPaths& system) {
   const fs::path hardware = behind_links(tty / "device");
   if (hardware.empty()) return identity;
   identity.driver = driver_above(hardware);
+  identity.kernel_console = read_line(tty / "console") == "Y";
   if (const auto timer = read_number(hardware / "latency_timer")) identity.latency_timer_ms = *timer;
   if (const fs::path usb = usb_device_above(hardware); !usb.empty())
     read_usb(usb, identity);

@@ -43,6 +43,7 @@ struct PortIdentity {
   std::uint32_t uart_clock_hz = 0;
   ClockDivider divider = ClockDivider::unknown;
   unsigned timeout_bits = 0;
+  bool kernel_console = false;  ///< the kernel writes its messages there
 };
 
 /// What a port makes of a bit rate.
