@@ -12,6 +12,7 @@
 #include "gpio_fixture.hpp"
 #include "linux_fake/fake_tty.hpp"
 #include "tm485/linux/directed_port.hpp"
+#include "tm485/linux/serial_port.hpp"
 #include "tm485/linux/stream_port.hpp"
 
 namespace tm485::linux_hal::fake {
@@ -283,6 +284,71 @@ TEST_F(GpioDirectionTest, AtItsEndTheLineIsInactiveAndEverythingIsClosed) {
   EXPECT_FALSE(chip_.line(3).high);
   EXPECT_FALSE(chip_.line(3).used);
   EXPECT_EQ(kernel_.open_descriptors(), 0U);
+}
+
+/// The tty of the serial tests under its real port: what closes and comes back.
+class ReopenTest : public GpioDirectionTest {
+ protected:
+  [[nodiscard]] std::expected<DirectedPort<SerialPort>, OsError> open_serial(DirectionKind kind) {
+    DirectionConfig config;
+    config.kind = kind;
+    config.gpio = {"gpiochip0", "3", false};
+    auto port = SerialPort::open(kPath, {.bit_rate = kBitRate});
+    if (!port) return std::unexpected(port.error());
+    auto direction = Rs485Direction::open(config, port->descriptor(), kPath, options());
+    if (!direction) return std::unexpected(direction.error());
+    return DirectedPort<SerialPort>(std::move(*port), std::move(*direction));
+  }
+};
+
+TEST_F(ReopenTest, AfterUnpluggingTheNewDeviceGetsTheLine) {
+  LoggingTty again(log_);
+  auto port = open_serial(DirectionKind::gpio);
+  ASSERT_TRUE(port) << port.error().message();
+  tty_.unplug();
+  EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::port_gone));
+  EXPECT_TRUE(port->gone());
+  EXPECT_FALSE(port->reopen()) << "it is still away";
+  EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::port_gone));
+  EXPECT_FALSE(chip_.line(3).used);
+  kernel_.add(kPath, again);
+  const auto opened = port->reopen();
+  ASSERT_TRUE(opened) << opened.error().message();
+  EXPECT_FALSE(port->gone());
+  log_.clear();
+  EXPECT_TRUE(port->try_send(kFour, Time{0}));
+  EXPECT_EQ(again.written(), std::vector<std::uint8_t>(kFour.begin(), kFour.end()));
+  EXPECT_EQ(log_.at(0), "line 3 high");
+  EXPECT_EQ(chip_.line(3).requests, 2);
+}
+
+TEST_F(ReopenTest, AfterUnpluggingTheNewDeviceGetsTheMode) {
+  LoggingTty again(log_);
+  tty_.has_rs485 = true;
+  auto port = open_serial(DirectionKind::kernel);
+  ASSERT_TRUE(port) << port.error().message();
+  tty_.unplug();
+  again.has_rs485 = true;
+  kernel_.add(kPath, again);
+  ASSERT_TRUE(port->reopen());
+  EXPECT_NE(again.rs485().flags & SER_RS485_ENABLED, 0U);
+}
+
+TEST_F(ReopenTest, ALineThatVanishesIsAPortThatIsGoneUntilItIsBack) {
+  auto port = open_serial(DirectionKind::gpio);
+  ASSERT_TRUE(port);
+  chip_.set_error = ENODEV;
+  EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::port_gone));
+  EXPECT_TRUE(port->gone());
+  kernel_.fail_open(folder_ + "gpiochip0", ENODEV);
+  EXPECT_FALSE(port->reopen());
+  EXPECT_TRUE(port->gone());
+  EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::port_gone)) << "never without the driver";
+  EXPECT_TRUE(tty_.written().empty());
+  chip_.set_error = 0;
+  EXPECT_TRUE(port->reopen());
+  EXPECT_FALSE(port->gone());
+  EXPECT_TRUE(port->try_send(kFour, Time{0}));
 }
 
 TEST_F(GpioDirectionTest, ALineInUseLeavesNothingOpen) {

@@ -1,11 +1,9 @@
 #include "tm485/linux/rs485_direction.hpp"
 
-#include <sys/stat.h>
-#include <sys/sysmacros.h>
-
 #include <array>
-#include <filesystem>
 #include <utility>
+
+#include "tm485/linux/port_identity.hpp"
 
 namespace tm485::linux_hal {
 namespace {
@@ -32,18 +30,6 @@ constexpr std::array kDrivers{
 constexpr ReleaseBound kUnknownDriver{kByInterrupt, false, "as a rule an interrupt handler"};
 /// What a real-time thread on a quiet machine keeps; an ordinary one has no bound.
 constexpr ReleaseBound kGpio{Time{100'000}, false, "a program"};
-
-/// The name of the driver behind a tty, or nothing.
-std::string driver_of(int fd) {
-  struct stat status{};
-  if (fstat(fd, &status) != 0) return {};
-  std::error_code failure;
-  const auto link =
-      std::filesystem::read_symlink("/sys/dev/char/" + std::to_string(major(status.st_rdev)) + ":" +
-                                        std::to_string(minor(status.st_rdev)) + "/device/driver",
-                                    failure);
-  return failure ? std::string() : link.filename().string();
-}
 
 std::string microseconds_text(Time time) {
   const std::int64_t tenths = (time.count() + 50) / 100;
@@ -79,7 +65,8 @@ std::optional<std::string> direction_warning(DirectionKind kind, const ReleaseBo
 }
 
 std::expected<Rs485Direction, OsError> Rs485Direction::open(const DirectionConfig& config, int fd,
-                                                            const std::string& path, const GpioOptions& gpio) {
+                                                            const std::string& path,
+                                                            const GpioOptions& gpio) {
   Rs485Direction direction;
   direction.config_ = config;
   direction.gpio_ = gpio;
@@ -97,7 +84,7 @@ std::expected<void, OsError> Rs485Direction::open_again(int fd) {
       auto mode = KernelRs485::set(fd, path_, config_.rts_low, config_.mute);
       if (!mode) return std::unexpected(std::move(mode.error()));
       means_ = std::move(*mode);
-      driver_ = driver_of(fd);
+      driver_ = identify_port(path_).driver;
       bound_ = release_of_driver(driver_);
       break;
     }

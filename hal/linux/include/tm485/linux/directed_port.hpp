@@ -64,6 +64,7 @@ class DirectedPort {
     options_ = other.options_;
     clock_ = std::move(other.clock_);
     driving_ = other.driving_;
+    line_gone_ = other.line_gone_;
     offset_ = other.offset_;
     request_end_ = other.request_end_;
     transmission_ = other.transmission_;
@@ -133,6 +134,13 @@ class DirectedPort {
     return port_.line_fault();
   }
 
+  /// The port is gone, or the line that switches its driver: reopen() is the way back.
+  [[nodiscard]] bool gone() const noexcept
+    requires requires(const P& port) { port.gone(); }
+  {
+    return line_gone_ || port_.gone();
+  }
+
   /// Releases the driver, what switches it and the device, so that they can be opened again. Nothing can be sent until
   /// reopen(). Owner; system calls.
   void let_go() noexcept {
@@ -149,7 +157,9 @@ class DirectedPort {
   {
     let_go();
     if (auto opened = port_.reopen(); !opened) return opened;
-    return direction_.open_again(port_.descriptor());
+    auto ready = direction_.open_again(port_.descriptor());
+    line_gone_ = !ready;
+    return ready;
   }
 
   [[nodiscard]] P& port() noexcept { return port_; }
@@ -182,6 +192,7 @@ class DirectedPort {
   Errc fail(int error_number) noexcept {
     last_errno_ = error_number;
     const bool gone = error_number == ENODEV || error_number == ENXIO || error_number == EBADF;
+    line_gone_ = line_gone_ || gone;
     transmission_ = {Transmission::State::failed, gone ? Errc::port_gone : Errc::send_failed};
     return transmission_.fault;
   }
@@ -230,6 +241,7 @@ class DirectedPort {
   DirectedOptions options_;
   Clock clock_;
   bool driving_ = false;
+  bool line_gone_ = false;
   Time offset_{0};
   Time request_end_{0};
   Transmission transmission_;
