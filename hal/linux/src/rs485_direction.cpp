@@ -8,7 +8,7 @@
 namespace tm485::linux_hal {
 namespace {
 
-// How late the drivers of the kernel release, by their sources (6.1) and by what users measured. A bit is 0.4 us.
+// How late the drivers of the kernel release, by their sources (6.1) and by what users report. A bit is 0.4 us.
 constexpr Time kHardware{400};
 constexpr Time kByInterrupt{3'000'000};
 
@@ -20,7 +20,7 @@ constexpr std::array kDrivers{
     DriverRow{"stm32-usart", {kHardware, true, "the USART switches DE itself"}},
     DriverRow{"exar_serial", {kHardware, true, "the UART switches the direction itself"}},
     DriverRow{"uart-pl011", {kByInterrupt, false, "an interrupt handler that looks every 4 us"}},
-    DriverRow{"imx-uart", {kByInterrupt, false, "an interrupt handler; 8 us to 3 ms were measured"}},
+    DriverRow{"imx-uart", {kByInterrupt, false, "an interrupt handler; users report 8 us to 3 ms"}},
     DriverRow{"omap8250", {kByInterrupt, false, "an interrupt handler and a timer"}},
     DriverRow{"bcm2835-aux-uart", {kByInterrupt, false, "an interrupt handler and a timer"}},
     DriverRow{"dw-apb-uart",
