@@ -55,9 +55,9 @@ class DirectedPort {
         options_(options),
         clock_(std::move(clock)) {}
 
-  DirectedPort(DirectedPort&&) = default;
+  DirectedPort(DirectedPort&&) noexcept = default;
   /// In this order: the direction is put back while its descriptor is open.
-  DirectedPort& operator=(DirectedPort&& other) {
+  DirectedPort& operator=(DirectedPort&& other) noexcept {
     if (this == &other) return *this;
     direction_ = std::move(other.direction_);
     port_ = std::move(other.port_);

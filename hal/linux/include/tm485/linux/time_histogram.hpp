@@ -19,7 +19,7 @@ namespace tm485::linux_hal {
 /// One owner. Never allocates; 2.2 kB.
 class TimeHistogram {
  public:
-  static constexpr std::uint32_t kStepsPerOctave = 16;
+  static constexpr std::size_t kStepsPerOctave = 16;
   /// Longer times count in the last bucket; maximum() stays exact.
   static constexpr Time kRange{std::int64_t{1} << 36};
 
