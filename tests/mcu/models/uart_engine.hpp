@@ -61,7 +61,15 @@ class UartEngine {
   /// A character that will arrive; their instants rise.
   void arrive(const LineCharacter& character) { arriving_.push_back(character); }
   [[nodiscard]] bool transmitting() const { return shift_.has_value() || !transmit_.empty(); }
-  [[nodiscard]] bool driver() const { return driver_; }
+  [[nodiscard]] bool driver() const {
+    return automatic_ ? transmitting() || (sent_any_ && now_ < last_end_ + tail_) : driver_;
+  }
+  /// The block switches the driver itself: `lead` before the start bit, `tail` behind the last stop bit.
+  void set_automatic_driver(bool on, Time lead, Time tail) {
+    automatic_ = on;
+    lead_ = on ? lead : Time{0};
+    tail_ = on ? tail : Time{0};
+  }
   void set_driver(bool on) {
     if (!config_.judge_driver || on == driver_) return;
     if (!on && transmitting()) complain("the driver was released before the last stop bit had left");
@@ -73,6 +81,7 @@ class UartEngine {
 
   // Registers. `depth` is what the FIFOs have at present.
   void set_character_time(Time character) { character_ = character; }
+  [[nodiscard]] Time character_time() const { return character_; }
   void set_depth(std::size_t depth) { depth_ = depth; }
   void enable(bool on) { enabled_ = on; }
   [[nodiscard]] bool transmit_full() const { return transmit_.size() >= depth_; }
@@ -82,7 +91,7 @@ class UartEngine {
     if (!enabled_ || character_ == Time{0})
       return complain("a byte was written to a UART that is not set up");
     if (transmit_full()) return complain("a byte was written to a full FIFO and is lost");
-    if (!shift_ && transmit_.empty()) next_start_ = now_ + config_.start_delay;
+    if (!shift_ && transmit_.empty()) next_start_ = now_ + config_.start_delay + lead_;
     transmit_.push_back(byte);
     (void)work_off_one(now_);
   }
@@ -157,6 +166,9 @@ class UartEngine {
   bool enabled_ = false;
   bool driver_ = false;
   Time driver_since_{-kNever};
+  bool automatic_ = false;
+  Time lead_{0};
+  Time tail_{0};
   std::deque<std::uint8_t> transmit_;
   std::optional<LineCharacter> shift_;
   Time next_start_{0};

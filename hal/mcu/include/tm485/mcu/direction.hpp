@@ -5,6 +5,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "tm485/mcu/polled_uart.hpp"
+
 namespace tm485::mcu {
 
 /// `drive` switches the driver on (true) or off. False: it could not. It must not wait. `uart` is the block that
@@ -28,7 +30,7 @@ struct RtsDirection {
   /// true: RTS off means "drive" (the pin is high).
   bool inverted = false;
 
-  template <class U>
+  template <HasRts U>
   bool drive(U& uart, bool on) const noexcept {
     uart.set_rts(on != inverted);
     return true;

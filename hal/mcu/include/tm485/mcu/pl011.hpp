@@ -24,6 +24,7 @@ namespace tm485::mcu {
 template <RegisterAccess R>
 class Pl011 {
  public:
+  static constexpr bool kHidesLastCharacter = false;
   static constexpr BaudFamily kFamily = BaudFamily::pl011;
   /// Bytes of address space from the block's start.
   static constexpr std::size_t kSpan = 0x1000;

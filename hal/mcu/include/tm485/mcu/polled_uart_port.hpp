@@ -28,6 +28,8 @@ namespace tm485::mcu {
 struct PolledPortConfig {
   Time driver_lead{0};          ///< the driver is on this long before the first start bit, at least
   Time stuck_after{1'000'000};  ///< a transmitter not idle this long after its characters' time has failed
+  /// With a UART that has a driver-enable output: how long after the last stop bit it is released, at most.
+  Time hardware_release{0};
   PortCapability capability{};  ///< as the owner's loop can hold it; it never has wire timestamps
 };
 
@@ -140,10 +142,11 @@ class PolledUartPort {
     if (leading_) {
       if (now < start_) return;
       leading_ = false;
+      idle_since_ = kNever;
       end_ = now + character_ * static_cast<std::int64_t>(count_);
     }
     while (written_ != count_ && uart_.try_write(request_[written_])) ++written_;
-    if (written_ == count_ && now >= end_ && uart_.transmitter_idle() && direction_.drive(uart_, false)) {
+    if (written_ == count_ && off_the_line(now) && direction_.drive(uart_, false)) {
       last_release_ = now - end_;
       state_ = {State::sent, Errc::ok};
       return;
@@ -152,6 +155,17 @@ class PolledUartPort {
       return;
     uart_.drop_unsent();
     fail();
+  }
+
+  /// True once the last stop bit has left and hardware, if it switches the driver, has released it.
+  [[nodiscard]] bool off_the_line(Time now) noexcept {
+    // A transmitter that says the truth need not be asked before the characters' time has passed.
+    if (!U::kHidesLastCharacter && now < end_) return false;
+    if (idle_since_ == kNever && uart_.transmitter_idle()) idle_since_ = now;
+    // One bit more, since the answer is younger than `now`.
+    constexpr std::int64_t kBits = 10;
+    const Time last = U::kHidesLastCharacter ? character_ + character_ / kBits : Time{0};
+    return idle_since_ != kNever && now >= end_ && now - idle_since_ >= last + config_.hardware_release;
   }
 
   /// Whatever went wrong, the line must not stay occupied.
@@ -176,8 +190,9 @@ class PolledUartPort {
   std::uint8_t count_ = 0;
   std::uint8_t written_ = 0;
   std::array<std::uint8_t, kLongestRequest> request_{};
-  Time start_{0};  ///< while leading: when the first byte may leave
-  Time end_{0};    ///< earliest end of the last stop bit
+  Time start_{0};             ///< while leading: when the first byte may leave
+  Time idle_since_ = kNever;  ///< when the transmitter was first seen idle
+  Time end_{0};               ///< earliest end of the last stop bit
   Time last_release_{0};
 };
 

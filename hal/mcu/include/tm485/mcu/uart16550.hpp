@@ -32,6 +32,7 @@ struct Layout16550 {
 template <RegisterAccess R>
 class Uart16550 {
  public:
+  static constexpr bool kHidesLastCharacter = false;
   static constexpr BaudFamily kFamily = BaudFamily::ns16550;
 
   /// `layout` must be valid.
