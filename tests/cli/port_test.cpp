@@ -115,6 +115,16 @@ TEST(Read, APositionBeyondTheSpeedOfTheShaftIsRefused) {
   EXPECT_EQ(run({"read", "sim:rpm=9000", "-n", "5", "--max-speed", "200rev/s"}).exit_code, 0);
 }
 
+TEST(Bench, TheLatencyAllowanceIsAnOption) {
+  const auto allowance = [](const Process::Arguments& more) {
+    Process::Arguments arguments{"bench", "sim:", "--virtual", "--seconds", "1ms", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Json::parse(run(arguments).out).at("capability").at("latency_allowance_ns").get<std::int64_t>();
+  };
+  EXPECT_EQ(allowance({"--latency", "100ms"}), 100'000'000);
+  EXPECT_NE(allowance({}), 100'000'000);
+}
+
 TEST(Read, AnImpossiblePeriodNamesTheNearest) {
   const Finished finished = run({"read", "sim:", "--period", "50us"});
   EXPECT_EQ(finished.exit_code, 2);

@@ -38,6 +38,8 @@ TEST(Usage, WhatCannotBeUnderstoodIsExitCode2) {
       {"read", "sim:", "--units", "furlongs"},
       {"read", "sim:", "--nonsense"},
       {"read", "sim:", "--max-speed", "0"},
+      {"read", "sim:", "--latency", "100"},
+      {"read", "sim:", "--latency", "11s"},
       {"read", "sim:", "--id", "0", "--period", "1s"},
       {"bench", "sim:", "--seconds", "0"},
       {"bench", "sim:", "--seconds", "soon"},

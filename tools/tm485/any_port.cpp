@@ -201,6 +201,7 @@ PortCapability AnyPort::capability() const noexcept {
     capability.jitter_margin = std::max(capability.jitter_margin, kHostJitter);
     capability.timing = TimingClass::soft;
   }
+  if (latency_allowance_) capability.latency_allowance = *latency_allowance_;
   return capability;
 }
 

@@ -46,6 +46,9 @@ class AnyPort {
   /// stays gone.
   [[nodiscard]] std::expected<void, Problem> reopen();
 
+  /// From now on capability() states this allowance, whatever port is behind it.
+  void set_latency_allowance(Time allowance) noexcept { latency_allowance_ = allowance; }
+
   // The port.
   [[nodiscard]] PortCapability capability() const noexcept;
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept;
@@ -104,6 +107,7 @@ class AnyPort {
   bool virtual_time_;
   linux_hal::DirectionConfig direction_;
   bool any_chip_;
+  std::optional<Time> latency_allowance_;
   Variant port_;
   std::uint64_t sends_ = 0;
   bool gone_ = false;

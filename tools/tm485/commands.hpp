@@ -22,6 +22,7 @@ struct PortOptions {
   std::string port;
   std::string profile;    ///< empty: the one that fits the port
   std::string max_speed;  ///< empty: that of AxisConfig
+  std::string latency;    ///< of the port and the host; empty: what the port states
   bool echo = false;      ///< the port receives its own requests
   std::string direction =
       "auto";             ///< who switches the RS-485 driver, in the words of linux_hal::parse_direction

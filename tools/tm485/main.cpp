@@ -52,6 +52,9 @@ void add_port_options(CLI::App& app, PortOptions& options) {
                  "NAME of a preset, FILE.toml, or list; default: tm485_17, for sim:profile=X that one");
   app.add_option("--max-speed", options.max_speed,
                  "Faster than the shaft can turn, in rpm (6000): a position beyond that is refused");
+  app.add_option(
+      "--latency", options.latency,
+      "A reply that is on the line is handed out within this time: 100ms; default: what the port states");
   app.add_flag("--echo", options.echo, "The port receives its own requests (as echo = true in a profile)");
   app.add_option("--direction", options.direction,
                  "Who switches the RS-485 driver: auto (transceiver, adapter), kernel[:low][:mute], "

@@ -1,0 +1,29 @@
+# arm64 `virt`, UART clock 48 MHz: PL011 (ttyAMA0, 0x9000000) with a simulated encoder on its line, PL061 (gpiochip0).
+# shellcheck shell=sh
+uart=/dev/ttyAMA0
+line=5
+
+check "PL011 at 48 MHz: 2.5 Mbit/s accepted, the encoder answers" tm485 info $uart "$late"
+check "SerialPort: 10000 samples without an error" samples 10000 $uart
+check "SerialPort: EEPROM dumped, changed and restored" eeprom_round $uart
+
+kernel_direction() {
+  has --direction
+  samples 500 $uart --direction kernel
+}
+check "TIOCSRS485: direction by the kernel, 500 samples" kernel_direction
+
+# The data register of the PL061: bits 9:2 of the address choose the lines.
+register() { devmem $((0x9030000 + (4 << line))) 8; }
+gpio_direction() {
+  has --direction
+  samples 500 $uart --direction gpio:gpiochip0:$line
+  equal "line afterwards" 0x00 "$(register)"
+}
+check "PL061: direction by a GPIO line, 500 samples" gpio_direction
+
+pl061() {
+  [ -x /bin/tm485_vm_gpio ] || skip "no tm485_vm_gpio"
+  tm485_vm_gpio hold /dev/gpiochip0 $line </tmp/hold >/tmp/held &
+}
+check "PL061: the line as DE is seen in its register" pl061
