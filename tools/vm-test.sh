@@ -74,13 +74,23 @@ judge_encoder() {
 prepare_amd64() {
   has_tools qemu-system-x86_64 cpio make gcc && [[ $(uname -m) == x86_64 ]] && fetch amd64 || return
   reason=""
-  build_gpio_sim && build dev tm485_vm_serial_pair tm485_vm_claim_clock
+  amd64_programs=(build/dev/tools/tm485 build/dev/tests/vm/tm485_vm_{serial_pair,claim_clock,gpio_line})
+  build_gpio_sim && build dev tm485_vm_{serial_pair,claim_clock,gpio_line} || return
+  [[ $online == 1 || -d build/libgpiod2 ]] || return 0
+  # The same program with libgpiod 2.x, where that can be had; otherwise its check is skipped.
+  local status=0
+  tools/libgpiod2.sh build/libgpiod2 || status=$?
+  ((status != 77)) || return 0
+  ((status == 0)) && build_into build/vm-gpiod2 tm485_vm_gpio_line -DTM485_BUILD_TOOLS=OFF \
+    -DTM485_LIBGPIOD_ROOT=build/libgpiod2 &&
+    cp build/vm-gpiod2/tests/vm/tm485_vm_gpio_line{,2} &&
+    amd64_programs+=(build/vm-gpiod2/tests/vm/tm485_vm_gpio_line2)
 }
 
 # ttyS0 is the console. The two ends of one socket cross the lines of ttyS1 and ttyS2.
 run_amd64() {
-  start_tree amd64 /bin/busybox "/lib/x86_64-linux-gnu /usr/lib/x86_64-linux-gnu /lib64" build/dev/tools/tm485 \
-    build/dev/tests/vm/tm485_vm_{serial_pair,claim_clock} &&
+  local libraries=/usr/lib/x86_64-linux-gnu
+  start_tree amd64 /bin/busybox "$libraries /lib/x86_64-linux-gnu /lib64 build/libgpiod2$libraries" "${amd64_programs[@]}" &&
     cp "$vm/gpio-sim/gpio-sim.ko" "$vm/root-amd64/lib/modules/$kernel/kernel/fs/configfs/configfs.ko" "$tree" &&
     rm -f "$vm/crossed.socket" && start_encoder || return
   boot amd64 qemu-system-x86_64 -M pc -cpu max -accel tcg,thread=multi -chardev stdio,id=console,signal=off \
@@ -97,7 +107,7 @@ prepare_arm64() {
   has_tools qemu-system-aarch64 fdtput cpio aarch64-linux-gnu-g++ && fetch arm64 || return
   reason=""
   [[ -z ${arm64_built:-} ]] || return 0
-  build_into build/vm-arm64 tm485 -DTM485_ARM64_ROOT="$vm/root-arm64" \
+  build_into build/vm-arm64 "tm485 tm485_vm_gpio_line" -DTM485_ARM64_ROOT="$vm/root-arm64" \
     -DCMAKE_TOOLCHAIN_FILE="$root/cmake/toolchains/aarch64-linux-gnu.cmake" && arm64_built=1
 }
 
@@ -109,7 +119,8 @@ boot_virt() {
   fdtput -t i "$dtb" /apb-pclk clock-frequency "$clock" &&
     fdtput -t s "$dtb" /pl011@9000000 status "$status" || return
   start_tree "$name" "$from/bin/busybox" \
-    "$from/usr/lib/aarch64-linux-gnu $from/lib/aarch64-linux-gnu /usr/aarch64-linux-gnu/lib" build/vm-arm64/tools/tm485 &&
+    "$from/usr/lib/aarch64-linux-gnu $from/lib/aarch64-linux-gnu /usr/aarch64-linux-gnu/lib" \
+    build/vm-arm64/{tools/tm485,tests/vm/tm485_vm_gpio_line} &&
     start_encoder || return
   boot "$name" "${machine[@]}" -accel tcg,thread=multi -dtb "$dtb" \
     -chardev "socket,id=encoder,path=$vm/encoder.socket" -serial chardev:encoder \

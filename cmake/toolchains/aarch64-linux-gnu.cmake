@@ -16,6 +16,9 @@ set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
 
+# For libraries that are named without a path.
+set(CMAKE_EXE_LINKER_FLAGS_INIT "-L${TM485_ARM64_ROOT}/usr/lib/aarch64-linux-gnu")
+
 set(ENV{PKG_CONFIG_SYSROOT_DIR} "${TM485_ARM64_ROOT}")
 set(ENV{PKG_CONFIG_LIBDIR}
   "${TM485_ARM64_ROOT}/usr/lib/aarch64-linux-gnu/pkgconfig:${TM485_ARM64_ROOT}/usr/share/pkgconfig")

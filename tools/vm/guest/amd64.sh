@@ -38,3 +38,34 @@ load_gpio_sim() {
   [ -c "/dev/$(cat $gpio/bank0/chip_name)" ]
 }
 check "gpio-sim: a chip of 8 lines" load_gpio_sim
+
+# Where gpio-sim shows the level of line 3, which has the name DE.
+seen() { echo "/sys/devices/platform/$(cat $gpio/dev_name)/$(cat $gpio/bank0/chip_name)/sim_gpio3/value"; }
+
+# line PROGRAM LIBRARY: by offset, active low, and by name; our code is linked with the library that it is said to be.
+line() {
+  chip=/dev/$(cat $gpio/bank0/chip_name)
+  "$1" "gpio:$chip:3" "$(seen)" 1000
+  "$1" "gpio:$chip:3:low" "$(seen)" 10
+  "$1" gpio:DE "$(seen)" 10 | tee /tmp/line
+  grep -q "^libgpiod $2" /tmp/line
+}
+check "libgpiod 1.6: 1000 levels of the DE line are those in sysfs" line tm485_vm_gpio_line 1.6
+libgpiod2() {
+  [ -e /bin/tm485_vm_gpio_line2 ] || skip "libgpiod 2.x is not on the host (tools/libgpiod2.sh)"
+  line tm485_vm_gpio_line2 2.
+}
+check "libgpiod 2.x: 1000 levels of the DE line are those in sysfs" libgpiod2
+
+directed() { tm485_vm_serial_pair /dev/ttyS1 /dev/ttyS2 100 gpio:DE "$(seen)"; }
+check "16550: the DE line is on during 100 requests, and off after each" directed
+
+directed_encoder() { has --direction && samples 200 /dev/ttyS3 --direction gpio:tm485-sim:DE; }
+check "16550: direction by the DE line, 200 samples" directed_encoder
+
+no_such_line() {
+  has --direction
+  says "cannot open" tm485 info /dev/ttyS3 --direction gpio:tm485-sim:8
+  says "cannot open" tm485 info /dev/ttyS3 --direction gpio:tm485-nobody:3
+}
+check "gpio-sim: a chip or line that is not there is refused with our error" no_such_line
