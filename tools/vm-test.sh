@@ -12,6 +12,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 vm=$root/build/vm
+sockets=build/vm # a socket's path has 107 bytes at most
 source tools/vm/packages.sh
 source tools/vm/programs.sh
 source tools/vm/machine.sh
@@ -72,7 +73,8 @@ judge_encoder() {
 }
 
 prepare_amd64() {
-  has_tools qemu-system-x86_64 cpio make gcc && [[ $(uname -m) == x86_64 ]] && fetch amd64 || return
+  [[ $(uname -m) == x86_64 ]] || { reason="its programs are those of an amd64 host" && return 1; }
+  has_tools qemu-system-x86_64 cpio make gcc && fetch amd64 || return
   reason=""
   amd64_programs=(build/dev/tools/tm485 build/dev/tests/vm/tm485_vm_{serial_pair,claim_clock,gpio_line})
   build_gpio_sim && build dev tm485_vm_{serial_pair,claim_clock,gpio_line} || return
@@ -89,14 +91,14 @@ prepare_amd64() {
 
 # ttyS0 is the console. The two ends of one socket cross the lines of ttyS1 and ttyS2.
 run_amd64() {
-  local libraries=/usr/lib/x86_64-linux-gnu
+  local libraries=/usr/lib/x86_64-linux-gnu crossed=$sockets/crossed
   start_tree amd64 /bin/busybox "$libraries /lib/x86_64-linux-gnu /lib64 build/libgpiod2$libraries" "${amd64_programs[@]}" &&
     cp "$vm/gpio-sim/gpio-sim.ko" "$vm/root-amd64/lib/modules/$kernel/kernel/fs/configfs/configfs.ko" "$tree" &&
-    rm -f "$vm/crossed.socket" && start_encoder || return
+    rm -f "$crossed" && start_encoder || return
   boot amd64 qemu-system-x86_64 -M pc -cpu max -accel tcg,thread=multi -chardev stdio,id=console,signal=off \
     -serial chardev:console \
-    -chardev "socket,id=one,path=$vm/crossed.socket,server=on,wait=off" -chardev "socket,id=other,path=$vm/crossed.socket" \
-    -chardev "socket,id=encoder,path=$vm/encoder.socket" \
+    -chardev "socket,id=one,path=$crossed,server=on,wait=off" -chardev "socket,id=other,path=$crossed" \
+    -chardev "socket,id=encoder,path=$sockets/encoder" \
     -device pci-serial,chardev=one -device pci-serial,chardev=other -device pci-serial,chardev=encoder \
     -kernel "$vm/root-amd64/boot/vmlinuz-$kernel" \
     -append "tm485.console=/dev/ttyS0 quiet panic=-1 mitigations=off"
@@ -123,7 +125,7 @@ boot_virt() {
     build/vm-arm64/{tools/tm485,tests/vm/tm485_vm_gpio_line} &&
     start_encoder || return
   boot "$name" "${machine[@]}" -accel tcg,thread=multi -dtb "$dtb" \
-    -chardev "socket,id=encoder,path=$vm/encoder.socket" -serial chardev:encoder \
+    -chardev "socket,id=encoder,path=$sockets/encoder" -serial chardev:encoder \
     -chardev stdio,id=console,signal=off -device pci-serial,chardev=console \
     -kernel "$from/boot/vmlinuz-$kernel" \
     -append "tm485.console=/dev/ttyS0 quiet panic=-1 iomem=relaxed mitigations=off"

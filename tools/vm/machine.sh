@@ -1,5 +1,5 @@
 # Sourced by tools/vm-test.sh: a simulated encoder on the host, a machine in QEMU, and the account of its checks.
-# shellcheck shell=bash disable=SC2154  # vm, tree, simulator: tools/vm-test.sh and programs.sh
+# shellcheck shell=bash disable=SC2034,SC2154  # vm, sockets, tree, simulator, replies: tools/vm-test.sh and programs.sh
 good=0 bad=0 skipped=0
 
 pass() { printf 'PASS %s\n' "$1" && good=$((good + 1)); }
@@ -14,16 +14,16 @@ make_eeprom() {
   done >"$vm/eeprom.bin"
 }
 
-# start_encoder: a simulated encoder behind build/vm/encoder.socket. Its process id in `encoder`.
+# start_encoder: a simulated encoder behind the socket build/vm/encoder. Its process id in `encoder`.
 start_encoder() {
-  rm -f "$vm/encoder.socket"
+  rm -f "$sockets/encoder"
   cp "$vm/eeprom.bin" "$vm/encoder.eeprom"
-  "$simulator" sim --unix "$vm/encoder.socket" --rpm 3000 --eeprom "$vm/encoder.eeprom" --eeprom-write 1ms \
-    --eeprom-page 1ms >"$vm/encoder.log" 2>&1 &
+  "$simulator" sim --unix "$sockets/encoder" --rpm 3000 --eeprom "$vm/encoder.eeprom" --eeprom-write 1ms \
+    --eeprom-page 1ms >"$vm/encoder.log" 2>&1 9>&- &
   encoder=$!
   local tries
   for ((tries = 0; tries < 100; tries++)); do
-    [[ ! -S $vm/encoder.socket ]] || return 0
+    [[ ! -S $sockets/encoder ]] || return 0
     sleep 0.05
   done
   cat "$vm/encoder.log" >&2
@@ -38,13 +38,13 @@ stop_encoder() {
   replies=$(sed -n 's/.* \([0-9]*\) replies$/\1/p' "$vm/encoder.log")
 }
 
-# boot NAME QEMU ARGUMENT...: runs the machine with `tree` until it powers off, at most 150 s, and counts its checks.
+# boot NAME QEMU ARGUMENT...: runs the machine with `tree` until it powers off, at most 300 s, and counts its checks.
 # Its console is the standard output of QEMU.
 boot() {
   local name=$1 log=$vm/$1.log started=$SECONDS status=0
   shift
   pack_tree || return
-  timeout --foreground -k 5 150 "$@" -m 256 -smp 2 -nodefaults -display none -no-reboot -initrd "$tree.gz" 2>&1 </dev/null |
+  timeout --foreground -k 5 300 "$@" -m 256 -smp 2 -nodefaults -display none -no-reboot -initrd "$tree.gz" 2>&1 </dev/null 9>&- |
     tr -d '\r' | tee "$log" | sed -u "s/^\(PASS\|FAIL\|SKIP\) /\1 $name: /" || status=$?
   count_checks "$name" "$log" "$status"
   printf '%s: %d s\n' "$name" $((SECONDS - started))

@@ -1,6 +1,6 @@
 # Sourced by tools/vm-test.sh: the Debian packages that are unpacked beside the system, into build/vm. Nothing is
 # installed and no root is needed: apt works with lists and a cache of its own, on the machine's sources.
-# shellcheck shell=bash disable=SC2154  # vm: tools/vm-test.sh
+# shellcheck shell=bash disable=SC2034,SC2154  # vm, online, reason: tools/vm-test.sh
 
 # apt_of ARCH apt-get|apt-cache ARGUMENT...
 apt_of() {

@@ -9,6 +9,8 @@ check "SerialPort: EEPROM dumped, changed and restored" eeprom_round $uart
 
 kernel_direction() {
   has --direction
+  tm485 info $uart "$late" --direction kernel --json | tee /tmp/info
+  grep -q '"control":"kernel' /tmp/info
   samples 500 $uart --direction kernel
 }
 check "TIOCSRS485: direction by the kernel, 500 samples" kernel_direction
