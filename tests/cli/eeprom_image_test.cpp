@@ -104,7 +104,7 @@ TEST(EepromJournal, ComesBackAsItWasAndIsChecked) {
   const auto none = cli::load_journal(path, kShape);
   ASSERT_TRUE(none);
   EXPECT_FALSE(none->has_value());
-  cli::EepromJournal journal{cli::JournalState::restored, "backup", some_image(), some_image()};
+  cli::EepromJournal journal{cli::JournalState::restored, "sim:", "backup", some_image(), some_image()};
   journal.before.bytes[5] ^= 1U;
   ASSERT_TRUE(save_journal(path, journal));
   const auto loaded = cli::load_journal(path, kShape);

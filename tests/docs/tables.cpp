@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <iomanip>
 #include <iostream>
 #include <iterator>
 #include <span>
@@ -13,6 +14,7 @@
 
 #include "doctor/finding_table.hpp"
 #include "tm485/errc.hpp"
+#include "tm485/linux/serial_chips.hpp"
 #include "tm485/protocol/profile.hpp"
 
 namespace {
@@ -214,16 +216,67 @@ void alarms() {
   }
 }
 
+std::string megabits(std::uint32_t rate) {
+  if (rate == 0) return "not known";
+  std::ostringstream out;
+  out << std::fixed << std::setprecision(3) << rate / 1e6;
+  return out.str();
+}
+
+/// Of a rate against 2.5 Mbit/s.
+std::string error_of(std::uint32_t rate) {
+  if (rate == 0) return "";
+  std::ostringstream out;
+  out << std::showpos << std::fixed << std::setprecision(2)
+      << (static_cast<double>(rate) / linux_hal::kTm485Rate - 1.0) * 100.0 << " %";
+  return out.str();
+}
+
+void usb_chips() {
+  head({"chip", "ids", "Mbit/s", "error", "2.5 Mbit/s", "remark", "source"});
+  for (const linux_hal::UsbChip& chip : linux_hal::usb_chips())
+    row({text(chip.name), code(hex(chip.vendor, 4) + ':' + hex(chip.product, 4)), megabits(chip.nearest_rate),
+         error_of(chip.nearest_rate), text(linux_hal::verdict_name(chip.verdict)), text(chip.remark),
+         text(chip.source)});
+}
+
+void uart_drivers() {
+  constexpr std::array<std::uint32_t, 4> kClocks{24'000'000, 48'000'000, 64'000'000, 100'000'000};
+  std::vector<std::string> titles{"driver", "UART"};
+  for (const std::uint32_t clock : kClocks)
+    titles.push_back(std::to_string(clock / 1'000'000) + " MHz clock");
+  for (const char* title : {"receive time-out", "remark", "source"}) titles.emplace_back(title);
+  head(titles);
+  for (const linux_hal::UartDriver& driver : linux_hal::uart_drivers()) {
+    std::vector<std::string> cells{code(driver.driver), text(driver.name)};
+    for (const std::uint32_t clock : kClocks) {
+      const auto rate = linux_hal::nearest_rate(driver.divider, clock, linux_hal::kTm485Rate);
+      if (!rate) {
+        cells.emplace_back("not known");
+      } else {
+        cells.push_back((linux_hal::rate_acceptable(linux_hal::kTm485Rate, *rate) ? "" : "no: ") +
+                        megabits(*rate) + ", " + error_of(*rate));
+      }
+    }
+    cells.push_back(driver.timeout_bits == 0 ? "not known" : std::to_string(driver.timeout_bits) + " bits");
+    cells.push_back(text(driver.remark));
+    cells.push_back(text(driver.source));
+    row(cells);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::array<std::pair<std::string_view, void (*)()>, 7> kTables{{{"errors", errors},
+  constexpr std::array<std::pair<std::string_view, void (*)()>, 9> kTables{{{"errors", errors},
                                                                             {"status", status},
                                                                             {"exchanges", exchanges},
                                                                             {"timing", timing},
                                                                             {"presets", presets},
                                                                             {"alarms", alarms},
-                                                                            {"findings", findings}}};
+                                                                            {"findings", findings},
+                                                                            {"usb_chips", usb_chips},
+                                                                            {"uart_drivers", uart_drivers}}};
   for (const auto& [name, print] : kTables) {
     if (argc == 2 && name == argv[1]) {
       print();

@@ -250,10 +250,11 @@ class Restore {
     }
     problem.cause += fmt::format("; {} writes were sent", runner().totals().writes);
     if (!problem.remedy.empty()) problem.remedy += "; then ";
-    problem.remedy += fmt::format(
-        action_ == Action::undo ? "{0} --undo goes on to the old bytes, {0} --resume to those of the image"
-                                : "{0} --resume finishes, {0} --undo brings the old bytes back",
-        again());
+    const std::string command = again();
+    problem.remedy +=
+        action_ == Action::undo
+            ? fmt::format("{0} --undo goes on to the old bytes, {0} --resume to those of the image", command)
+            : fmt::format("{0} --resume finishes, {0} --undo brings the old bytes back", command);
     return std::unexpected(std::move(problem));
   }
 
