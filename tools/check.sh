@@ -76,18 +76,19 @@ step_heap() {
   [[ -z $found ]] || { printf 'the core uses:\n%s\n' "$found" >&2 && return 1; }
 }
 
-about[arm]="the core for Cortex-M0+, M4F and M7: builds, needs only memory and compiler helpers, keeps no static RAM; its size"
+about[arm]="the core and the register drivers for Cortex-M0+, M4F and M7: builds, needs only memory and compiler helpers, keeps no static RAM; its size"
 step_arm() {
-  local preset folder object found bad=0
+  local preset folder objects object found bad=0
   for preset in arm-m0plus arm arm-m7; do
     folder=build/$preset
-    object=$folder/tests/firmware/CMakeFiles/tm485_firmware.dir/firmware.cpp.obj
-    if ! build "$preset" || ! join arm-none-eabi-ld "$folder/core/libtm485_core.a" "$object" "$folder/whole.o"; then
-      bad=1
-      continue
-    fi
-    found=$(undefined_in arm-none-eabi-nm "$folder/whole.o" | grep -vE '^(mem(cpy|set|move|cmp)|__aeabi_.*|__gnu_thumb.*)$' || true)
-    [[ -z $found ]] || { printf '%s: the core needs:\n%s\n' "$preset" "$found" >&2 && bad=1; }
+    build "$preset" || { bad=1 && continue; }
+    # The bus, then the register drivers, each joined with the core.
+    objects=$folder/tests/firmware/CMakeFiles
+    for object in tm485_firmware.dir/firmware.cpp.obj tm485_firmware_drivers.dir/drivers.cpp.obj; do
+      join arm-none-eabi-ld "$folder/core/libtm485_core.a" "$objects/$object" "$folder/whole.o" || { bad=1 && continue; }
+      found=$(undefined_in arm-none-eabi-nm "$folder/whole.o" | grep -vE '^(mem(cpy|set|move|cmp)|__aeabi_.*|__gnu_thumb.*)$' || true)
+      [[ -z $found ]] || { printf '%s: core or %s needs:\n%s\n' "$preset" "${object##*/}" "$found" >&2 && bad=1; }
+    done
   done
   ((bad)) || report_size build/arm || bad=1
   return "$bad"

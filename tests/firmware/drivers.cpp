@@ -1,0 +1,35 @@
+// Every register driver with its port, as a firmware has them. Built for each Cortex-M and never run: its undefined
+// symbols are what tools/check.sh looks at.
+#include "tm485/mcu/baud.hpp"
+#include "tm485/mcu/cmsdk_uart.hpp"
+#include "tm485/mcu/pl011.hpp"
+#include "tm485/mcu/polled_uart_port.hpp"
+#include "tm485/mcu/register_access.hpp"
+#include "tm485/mcu/stm32_usart_v1.hpp"
+#include "tm485/mcu/stm32_usart_v2.hpp"
+#include "tm485/mcu/uart16550.hpp"
+
+namespace tm485::mcu {
+
+/// A driver-enable pin as a register of a GPIO block: set and reset by one write.
+struct Pin {
+  bool operator()(bool on) const noexcept {
+    registers.write32(0, on ? 1U : 1U << 16U);
+    return true;
+  }
+  VolatileRegisters registers;
+};
+
+using Registers = VolatileRegisters;
+template class PolledUartPort<Pl011<Registers>, CallDirection<Pin>>;
+template class PolledUartPort<Pl011<Registers>, RtsDirection>;
+template class PolledUartPort<Uart16550<Registers>, CallDirection<Pin>>;
+template class PolledUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>;
+template class PolledUartPort<Stm32UsartV2<Registers>, AutomaticDirection>;
+template class PolledUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
+
+static_assert(Port<PolledUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>>);
+static_assert(solve_baud(Stm32UsartV1<Registers>::kFamily, 84'000'000, 2'500'000));
+static_assert(solve_baud(Stm32UsartV2<Registers>::kFamily, 170'000'000, 2'500'000));
+
+}  // namespace tm485::mcu
