@@ -26,9 +26,10 @@ concept RegisterAccess =
 class VolatileRegisters {
  public:
   /// Of a microcontroller: the address that its manual gives.
-  explicit VolatileRegisters(std::uintptr_t base) noexcept : base_(base) {}
+  // NOLINTNEXTLINE(performance-no-int-to-ptr): an address of hardware is a number.
+  explicit VolatileRegisters(std::uintptr_t base) noexcept : base_(reinterpret_cast<std::byte*>(base)) {}
   /// Of a mapping.
-  explicit VolatileRegisters(void* base) noexcept : base_(reinterpret_cast<std::uintptr_t>(base)) {}
+  explicit VolatileRegisters(void* base) noexcept : base_(static_cast<std::byte*>(base)) {}
 
   [[nodiscard]] std::uint8_t read8(std::size_t offset) const noexcept { return *at<std::uint8_t>(offset); }
   [[nodiscard]] std::uint16_t read16(std::size_t offset) const noexcept { return *at<std::uint16_t>(offset); }
@@ -43,7 +44,7 @@ class VolatileRegisters {
     return reinterpret_cast<volatile T*>(base_ + offset);
   }
 
-  std::uintptr_t base_;
+  std::byte* base_;
 };
 
 static_assert(RegisterAccess<VolatileRegisters>);
