@@ -111,6 +111,7 @@ TEST(EepromJournal, ComesBackAsItWasAndIsChecked) {
   ASSERT_TRUE(loaded) << loaded.error().cause;
   ASSERT_TRUE(loaded->has_value());
   EXPECT_EQ((*loaded)->state, cli::JournalState::restored);
+  EXPECT_EQ((*loaded)->port, "sim:");
   EXPECT_EQ((*loaded)->backup_file, "backup");
   EXPECT_EQ((*loaded)->wanted.bytes, journal.wanted.bytes);
   EXPECT_EQ((*loaded)->before.bytes, journal.before.bytes);
