@@ -45,7 +45,7 @@ boot() {
   shift
   pack_tree || return
   timeout --foreground -k 5 300 "$@" -m 256 -smp 2 -nodefaults -display none -no-reboot -initrd "$tree.gz" 2>&1 </dev/null 9>&- |
-    tr -d '\r' | tee "$log" | sed -u "s/^\(PASS\|FAIL\|SKIP\) /\1 $name: /" || status=$?
+    sed -u 's|\r||g' | tee "$log" | sed -u "s/^\(PASS\|FAIL\|SKIP\) /\1 $name: /" || status=$?
   count_checks "$name" "$log" "$status"
   printf '%s: %d s\n' "$name" $((SECONDS - started))
 }
