@@ -19,7 +19,6 @@ encoder() {
 check "SerialPort on a 16550: 1000 samples without an error" encoder
 
 no_rs485() {
-  has --direction
   says "RS485: Inappropriate ioctl for device (errno 25)" tm485 info /dev/ttyS1 --direction kernel
 }
 check "16550: TIOCSRS485 is refused with our error (ENOTTY)" no_rs485
@@ -59,11 +58,10 @@ check "libgpiod 2.x: 1000 levels of the DE line are those in sysfs" libgpiod2
 directed() { tm485_vm_serial_pair /dev/ttyS1 /dev/ttyS2 100 gpio:DE "$(seen)"; }
 check "16550: the DE line is on during 100 requests, and off after each" directed
 
-directed_encoder() { has --direction && samples 200 /dev/ttyS3 --direction gpio:tm485-sim:DE; }
+directed_encoder() { samples 200 /dev/ttyS3 --direction gpio:tm485-sim:DE; }
 check "16550: direction by the DE line, 200 samples" directed_encoder
 
 no_such_line() {
-  has --direction
   says "gpiodetect" tm485 info /dev/ttyS3 --direction gpio:tm485-nobody:3
   says "cannot open" tm485 info /dev/ttyS3 --direction gpio:tm485-sim:8
 }

@@ -58,9 +58,6 @@ samples() {
   rm /tmp/samples
 }
 
-# has OPTION: skips the check if `tm485 read` does not know it.
-has() { tm485 read --help | grep -q -e "$1" || skip "tm485 read has no $1"; }
-
 # eeprom_round PORT [OPTION...]: dumps, and it is what the host has put there; changes bytes of the last page;
 # restores the dump. The host compares at the end.
 eeprom_round() {
