@@ -108,6 +108,21 @@ TEST(DoctorMachine, ALinkToThePortLeadsToItsTimer) {
   EXPECT_TRUE(report.has(FindingId::latency_timer));
 }
 
+TEST(DoctorMachine, ReleasesThatCameTooLate) {
+  linux_hal::TimeHistogram times;
+  for (int k = 0; k < 100; ++k) times.add(Time{2'000});
+  Report good;
+  judge_release_times(good, times, 0);
+  EXPECT_TRUE(good.findings().empty());
+  times.add(Time{90'000});
+  Report late;
+  judge_release_times(late, times, 1);
+  ASSERT_TRUE(late.has(FindingId::release_bound));
+  EXPECT_NE(late.findings()[0].seen.find("after 1 of 101 requests"), std::string::npos)
+      << late.findings()[0].seen;
+  EXPECT_NE(late.checks()[0].detail.find("longest 90us"), std::string::npos) << late.checks()[0].detail;
+}
+
 TEST(DoctorMachine, TheKernelsSettings) {
   using linux_hal::Verdict;
   Report report;

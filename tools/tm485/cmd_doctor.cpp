@@ -49,7 +49,7 @@ std::expected<void, Problem> examine(doctor::Patient& patient) {
     check(patient);
     if (!patient.answers || stop_requested() || patient.line.gone()) break;
   }
-  if (patient.line.gone()) patient.report.add(doctor::FindingId::port_gone, patient.port);
+  if (patient.line.gone()) patient.report.add(doctor::FindingId::port_gone, patient.options.port);
   return {};
 }
 
@@ -66,7 +66,8 @@ int run_doctor(const DoctorOptions& options) {
   if (!compiled) return report(problem_of(compiled.error().code, profile.name));
 
   ProgressLine progress;
-  doctor::Patient patient(text, *compiled, [&progress](std::string_view what) { progress.show(what); });
+  doctor::Patient patient(options.port, *compiled,
+                          [&progress](std::string_view what) { progress.show(what); });
   if (const auto begun = examine(patient); !begun) {
     progress.clear();
     return report(begun.error());

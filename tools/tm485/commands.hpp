@@ -59,6 +59,7 @@ struct BenchOptions {
   std::string period;  ///< empty: the shortest possible
   std::string seconds = "2";
   bool virtual_time = false;
+  std::string plot;  ///< picture to draw, .png or .svg; empty: none
 };
 int run_bench(const BenchOptions& options);
 

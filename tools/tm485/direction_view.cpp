@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "percentiles.hpp"
+#include "time_buckets.hpp"
 #include "tm485/linux/rs485_direction.hpp"
 
 namespace tm485::cli {
@@ -15,6 +16,7 @@ JsonObject direction_json(const AnyPort& port) {
   json.set("control", control.empty() ? "auto" : control);
   if (const linux_hal::TimeHistogram* const times = port.release_times()) {
     JsonObject release = to_json(*times);
+    release.set("histogram", to_json(buckets_of(*times)));
     release.set("limit_ns", linux_hal::kReleaseLimit.count()).set("late", port.late_releases());
     json.set("release", std::move(release));
   }

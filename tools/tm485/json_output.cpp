@@ -50,6 +50,11 @@ JsonObject& JsonObject::set(std::string_view key, const std::vector<unsigned>& v
   return *this;
 }
 
+JsonObject& JsonObject::set(std::string_view key, const std::vector<std::int64_t>& values) {
+  value_->json[std::string(key)] = values;
+  return *this;
+}
+
 JsonObject& JsonObject::set(std::string_view key, JsonObject value) {
   value_->json[std::string(key)] = std::move(value.value_->json);
   return *this;

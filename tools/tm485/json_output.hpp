@@ -32,6 +32,7 @@ class JsonObject {
   JsonObject& set(std::string_view key, const char* value) { return set(key, std::string_view(value)); }
   JsonObject& set(std::string_view key, const std::vector<std::string_view>& values);
   JsonObject& set(std::string_view key, const std::vector<unsigned>& values);
+  JsonObject& set(std::string_view key, const std::vector<std::int64_t>& values);
   JsonObject& set(std::string_view key, JsonObject value);
   JsonObject& set(std::string_view key, std::vector<JsonObject> values);
 

@@ -151,12 +151,14 @@ void add_bench(CLI::App& root, Commands& commands) {
                  "Time (62.5us) or rate (16kHz) of the cycle; default: the shortest possible");
   app.add_option("--seconds", options.seconds, "How long, in seconds or with a unit")->capture_default_str();
   app.add_flag("--virtual", options.virtual_time, "Virtual time instead of the real clock (sim: only)");
+  app.add_option("--plot", options.plot,
+                 "FILE.png or FILE.svg: draw the histograms; an old file is replaced");
   app.footer(
       "Up to a million values of each time are kept; of more, a random choice.\n"
       "Examples:\n"
       "  tm485 bench sim: --id 3 --period 62.5us --seconds 5\n"
       "  tm485 bench sim: --id 0 --period 40us --virtual --json\n"
-      "  tm485 bench /dev/ttyUSB0 --period 1ms\n"
+      "  tm485 bench /dev/ttyUSB0 --period 1ms --seconds 60 --plot bench.png\n"
       "  tm485 bench /dev/ttyAMA0 --direction kernel\n"
       "  tm485 bench /dev/ttyAMA0 --direction gpio:gpiochip0:17");
 }

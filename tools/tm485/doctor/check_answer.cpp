@@ -88,13 +88,13 @@ std::uint32_t find_rate(Patient& patient, std::vector<std::uint32_t>& tried) {
   for (const std::uint32_t rate : kRates) {
     if (rate == usual || found != 0 || stop_requested()) continue;
     patient.progress(fmt::format("trying {} bit/s", rate));
-    if (!patient.line.open(patient.port, rate)) continue;  // a rate that this port cannot make
+    if (!patient.line.open(patient.options, rate)) continue;  // a rate that this port cannot make
     tried.push_back(rate);
     Tally tally;
     for (unsigned k = 0; k < kTriesAtAnotherRate && found == 0; ++k)
       if (ask(patient, DataId::encoder_id, tally).kind == Kind::reply) found = rate;
   }
-  (void)patient.line.open(patient.port, usual);  // gone() says if it did not open
+  (void)patient.line.open(patient.options, usual);  // gone() says if it did not open
   return found;
 }
 

@@ -162,7 +162,7 @@ void judge_status(Patient& patient) {
         patient.report.add(level == AlarmLevel::fault ? FindingId::alarm_fault : FindingId::alarm_warning,
                            fmt::format("{} {}", info.field, info.name));
     finding.cause = info.cause;
-    finding.remedy = std::string(info.remedy) + reset_hint(info.bit, patient.port);
+    finding.remedy = std::string(info.remedy) + reset_hint(info.bit, patient.options.port);
   }
   patient.report.end_check("alarms", fmt::format("SF {:02X}, ALMC {:02X}", status.sf(), status.almc()));
 }

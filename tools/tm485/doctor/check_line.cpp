@@ -21,6 +21,7 @@ constexpr double kMostlyStarts = 0.5;
 constexpr std::uint32_t kFewest = 5;
 constexpr double kMostReplies = 0.5;
 constexpr std::uint32_t kShowEvery = 100;
+constexpr Time kLateHost = std::chrono::milliseconds(100);
 
 void note_reply(LineRecord& record, const Reading& reading, const Profile& profile) {
   const Time delay = reading.t2.value_or(reading.seen_after);
@@ -94,6 +95,11 @@ void judge_errors(Patient& patient) {
                                                : FindingId::occasional_errors,
                          seen);
   }
+  if (record.handed_over_late != 0)
+    patient.report.add(FindingId::host_late,
+                       fmt::format("{} of {} replies came later than the port's latency allowance of {}",
+                                   record.handed_over_late, record.exchanges,
+                                   format_time(patient.line.capability().latency_allowance)));
   patient.report.end_check("noise", figures);
 }
 
@@ -127,9 +133,20 @@ void judge_t2(Patient& patient) {
 Reading exchange(Patient& patient, const Request& request) {
   const bool timestamps = patient.line.capability().wire_timestamps;
   const std::size_t echo = patient.echo ? request.bytes().size() : std::size_t{0};
-  const Heard heard = patient.line.ask(request, patient.profile, layout(request.id()).reply_length + echo);
+  const std::size_t enough = layout(request.id()).reply_length + echo;
+  Heard heard = patient.line.ask(request, patient.profile, enough);
   patient.record.stray += heard.stray;
-  return patient.echo ? read_after_echo(heard, request, timestamps) : read(heard, request, timestamps);
+  const auto judge = [&] {
+    return patient.echo ? read_after_echo(heard, request, timestamps) : read(heard, request, timestamps);
+  };
+  Reading reading = judge();
+  // A host that is busy with something else is no fault of the line.
+  if (reading.kind == Kind::reply || timestamps || heard.count >= enough || heard.fault != Errc::ok)
+    return reading;
+  patient.line.listen_more(heard, kLateHost, enough);
+  reading = judge();
+  if (reading.kind == Kind::reply) ++patient.record.handed_over_late;
+  return reading;
 }
 
 bool releases_too_late(const Patient& patient) {
@@ -145,6 +162,18 @@ void judge_spoilt_starts(Patient& patient, std::string seen) {
                      std::move(seen));
 }
 
+void judge_release_times(Report& report, const linux_hal::TimeHistogram& times, std::uint32_t late) {
+  const std::string figures = fmt::format("{} requests: p50 {}, p99 {}, longest {}", times.count(),
+                                          format_time(times.percentile(0.5)),
+                                          format_time(times.percentile(0.99)), format_time(times.maximum()));
+  if (late != 0)
+    report.add(FindingId::release_bound,
+               fmt::format("after {} of {} requests the driver left the line when a reply "
+                           "could have begun; {}",
+                           late, times.count(), figures));
+  report.end_check("release", figures);
+}
+
 void check_line(Patient& patient) {
   exchange_many(patient);
   if (patient.line.gone()) return;
@@ -154,6 +183,8 @@ void check_line(Patient& patient) {
   }
   judge_errors(patient);
   judge_t2(patient);
+  if (const linux_hal::TimeHistogram* const times = patient.line.port().release_times())
+    judge_release_times(patient.report, *times, patient.line.port().late_releases());
 }
 
 }  // namespace tm485::cli::doctor

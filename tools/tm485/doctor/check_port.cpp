@@ -40,8 +40,8 @@ void judge_release(Patient& patient) {
 
 std::expected<bool, Problem> check_port(Patient& patient) {
   const std::uint32_t rate = patient.profile.profile().bit_rate;
-  patient.progress(fmt::format("opening {}", patient.port));
-  if (const auto opened = patient.line.open(patient.port, rate); !opened) {
+  patient.progress(fmt::format("opening {}", patient.options.port));
+  if (const auto opened = patient.line.open(patient.options, rate); !opened) {
     if (opened.error().exit_code == kExitUsage) return std::unexpected(opened.error());
     Finding& finding = patient.report.add(FindingId::cannot_open, opened.error().cause);
     finding.remedy = opened.error().remedy;
@@ -91,7 +91,7 @@ void check_host(Patient& patient) {
     patient.report.skipped("latency timer", "a simulated encoder has none");
     patient.report.skipped("kernel", "a simulated encoder runs in virtual time here");
   } else {
-    judge_latency_timer(patient.report, patient.port);
+    judge_latency_timer(patient.report, patient.options.port);
     judge_kernel(patient.report, linux_hal::read_rt_settings());
   }
   judge_release(patient);

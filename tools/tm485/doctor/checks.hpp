@@ -14,6 +14,7 @@
 #include "doctor/reading.hpp"
 #include "doctor/report.hpp"
 #include "tm485/linux/rt_settings.hpp"
+#include "tm485/linux/time_histogram.hpp"
 #include "tm485/protocol/profile.hpp"
 
 namespace tm485::cli::doctor {
@@ -23,6 +24,7 @@ struct LineRecord {
   std::uint32_t exchanges = 0;
   std::uint32_t failed = 0;
   std::uint32_t spoilt_starts = 0;
+  std::uint32_t handed_over_late = 0;  ///< good replies, after the port's latency allowance
   std::uint32_t stray = 0;
   std::array<std::uint32_t, kErrcCount> errors{};  ///< by cause
   std::uint32_t judged_t2 = 0;
@@ -39,11 +41,11 @@ struct LineRecord {
 };
 
 struct Patient {
-  Patient(std::string the_port, const CompiledProfile& the_profile,
+  Patient(PortOptions the_options, const CompiledProfile& the_profile,
           std::function<void(std::string_view)> show)
-      : port(std::move(the_port)), profile(the_profile), progress(std::move(show)) {}
+      : options(std::move(the_options)), profile(the_profile), progress(std::move(show)) {}
 
-  std::string port;
+  PortOptions options;
   CompiledProfile profile;
   RawLine line;
   Report report;
@@ -77,6 +79,8 @@ void judge_spoilt_starts(Patient& patient, std::string seen);
 
 // The parts of check_host, with the machine's files under another root.
 void judge_latency_timer(Report& report, const std::string& port, const std::filesystem::path& root = "/");
+/// How late the driver was released after each request so far; `late`: in how many cases too late.
+void judge_release_times(Report& report, const linux_hal::TimeHistogram& times, std::uint32_t late);
 void judge_kernel(Report& report, const std::vector<linux_hal::RtSetting>& settings);
 
 }  // namespace tm485::cli::doctor

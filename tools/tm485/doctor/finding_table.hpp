@@ -38,6 +38,7 @@ enum class FindingId : std::uint8_t {
   reply_start_disturbed,
   noise,
   occasional_errors,
+  host_late,
   t2_outside,
   profile_differs,
   resolution_differs,
@@ -56,7 +57,7 @@ struct FindingInfo {
   std::string_view remedy;
 };
 
-inline constexpr std::array<FindingInfo, 25> kFindings{{
+inline constexpr std::array<FindingInfo, 26> kFindings{{
     {FindingId::cannot_open, "cannot_open", Severity::fault, "the port does not open",
      "see what was seen: it names the failed step and what to change"},
     {FindingId::port_gone, "port_gone", Severity::fault, "the device vanished while it was examined",
@@ -133,6 +134,10 @@ inline constexpr std::array<FindingInfo, 25> kFindings{{
     {FindingId::occasional_errors, "occasional_errors", Severity::warning,
      "few exchanges fail: a servo loop bridges them, but a healthy line has none",
      "check shield, ground and termination; count over a longer time: tm485 bench --seconds 60"},
+    {FindingId::host_late, "host_late", Severity::warning,
+     "replies are good but handed over later than the port promises: this machine is busy with something "
+     "else",
+     "stop what else runs, or give this port a core of its own: tm485 rt-check says what the machine allows"},
     {FindingId::t2_outside, "t2_outside", Severity::fault,
      "replies begin outside the window that the profile allows, so good replies are refused",
      "set t2_min and t2_max in a profile file around what was seen"},

@@ -19,10 +19,10 @@ bool is_simulated(const std::string& text) { return text == "sim" || text.starts
 
 }  // namespace
 
-std::expected<void, Problem> RawLine::open(const std::string& text, std::uint32_t bit_rate) {
+std::expected<void, Problem> RawLine::open(const PortOptions& options, std::uint32_t bit_rate) {
   port_.reset();  // first: a serial line is opened exclusively
-  simulated_ = is_simulated(text);
-  auto opened = AnyPort::open(text, bit_rate, simulated_);
+  simulated_ = is_simulated(options.port);
+  auto opened = AnyPort::open(options.port, bit_rate, simulated_, options.direction);
   if (!opened) return std::unexpected(std::move(opened.error()));
   port_.emplace(std::move(*opened));
   capability_ = port_->capability();
@@ -71,11 +71,18 @@ Heard RawLine::ask(const Request& request, const CompiledProfile& profile, std::
   heard.request_start = *sent;
   heard.request_end = *sent + character_ * static_cast<std::int64_t>(request.bytes().size());
   listen(heard, *sent + listening_time(), enough);
+  if (heard.count != enough && heard.fault == Errc::ok) heard.fault = port_->line_fault();
   // Without wire timestamps a request may have left later than the port estimates: count from the reply.
   const Time from = capability_.wire_timestamps ? heard.request_start : now();
   // A late reply may end after T1: the encoder's driver has to be off the line as well.
   next_request_ = std::max(now() + 2 * character_, from + profile.t1(request.id()));
   return heard;
+}
+
+void RawLine::listen_more(Heard& heard, Time span, std::size_t enough) {
+  if (gone()) return;
+  listen(heard, now() + span, enough);
+  next_request_ = std::max(next_request_, now() + 2 * character_);
 }
 
 bool RawLine::take(Heard& heard) {

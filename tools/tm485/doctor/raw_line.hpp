@@ -10,6 +10,7 @@
 #include <string>
 
 #include "any_port.hpp"
+#include "commands.hpp"
 #include "problem.hpp"
 #include "tm485/linux/clock.hpp"
 #include "tm485/protocol/profile.hpp"
@@ -41,11 +42,14 @@ class RawLine {
   RawLine& operator=(const RawLine&) = delete;
 
   /// Closes the port that was open, if one was, and opens it at a rate. Problems: those of AnyPort::open.
-  [[nodiscard]] std::expected<void, Problem> open(const std::string& text, std::uint32_t bit_rate);
+  [[nodiscard]] std::expected<void, Problem> open(const PortOptions& options, std::uint32_t bit_rate);
 
   /// Sends, and listens until `enough` bytes have come or nothing more can. T1 since the request before has passed when
   /// it sends. Bound: about T1 + listening_time(), on the port's clock.
   [[nodiscard]] Heard ask(const Request& request, const CompiledProfile& profile, std::size_t enough);
+
+  /// Goes on listening after ask(), for a reply that the host hands over late.
+  void listen_more(Heard& heard, Time span, std::size_t enough);
 
   /// Waits, on the port's clock; less if Ctrl-C comes.
   void pause(Time span);
@@ -56,6 +60,7 @@ class RawLine {
   [[nodiscard]] Time now() const noexcept { return simulated_ ? virtual_clock_.now() : clock_.now(); }
   /// The device has vanished, or could not be opened again.
   [[nodiscard]] bool gone() const noexcept { return !port_ || port_->gone(); }
+  [[nodiscard]] const AnyPort& port() const noexcept { return *port_; }
   [[nodiscard]] const PortCapability& capability() const noexcept { return capability_; }
   [[nodiscard]] std::uint32_t bit_rate() const noexcept { return bit_rate_; }
   [[nodiscard]] bool simulated() const noexcept { return simulated_; }
