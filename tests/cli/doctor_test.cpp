@@ -145,6 +145,15 @@ TEST(Doctor, NeverWritesToTheEncoder) {
   EXPECT_EQ(model.statistics().bad_requests + model.statistics().unknown_cf, 0u);
 }
 
+TEST(Doctor, OnlyALineThatHasARateIsTriedAtOthers) {
+  Served encoder("boot=3600s");
+  const Finished finished = run({"doctor", "--json", encoder.port()});
+  const Json json = Json::parse(finished.out);
+  EXPECT_EQ(names(json), std::vector<std::string>{"no_reply"});
+  EXPECT_NE(finished.out.find("this port has no bit rate to try"), std::string::npos) << finished.out;
+  EXPECT_NE(run({"doctor", "sim:power=off"}).out.find("5000000"), std::string::npos);
+}
+
 TEST(Doctor, AnEchoIsToldFromAReplyOnAPseudoTerminal) {
   Served encoder("echo");
   EXPECT_EQ(names(Json::parse(run({"doctor", "--json", encoder.port()}).out)),

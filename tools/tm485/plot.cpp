@@ -176,7 +176,7 @@ class Panel {
   }
 
   void draw_grid() {
-    for (double decade = 0.0; decade <= decades_; decade += 1.0) {
+    for (int decade = 0; decade <= static_cast<int>(decades_); ++decade) {
       const double count = std::pow(10.0, decade);
       pen_.line(area_.x, y(count), area_.x + area_.width, y(count), kGrid);
       pen_.text(area_.x - 8.0, y(count) + 4.0, fmt::format("{}", grouped(static_cast<std::uint64_t>(count))),
@@ -260,8 +260,8 @@ double header_height(const Plot& plot) {
 }
 
 double height_of(const Plot& plot) {
-  const std::size_t rows = (plot.series.size() + kPanelsInARow - 1) / kPanelsInARow;
-  return header_height(plot) + static_cast<double>(rows) * (kPanelHeight + kPanelGap) + kMargin - kPanelGap;
+  const auto rows = std::ceil(static_cast<double>(plot.series.size()) / kPanelsInARow);
+  return header_height(plot) + rows * (kPanelHeight + kPanelGap) + kMargin - kPanelGap;
 }
 
 void draw_all(Pen& pen, const Plot& plot) {
@@ -275,7 +275,8 @@ void draw_all(Pen& pen, const Plot& plot) {
   const double width = (kWidth - 2 * kMargin - kPanelGap * (kPanelsInARow - 1)) / kPanelsInARow;
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     const auto column = static_cast<double>(i % kPanelsInARow);
-    const auto row = static_cast<double>(i / kPanelsInARow);
+    const std::size_t whole_rows = i / kPanelsInARow;
+    const auto row = static_cast<double>(whole_rows);
     Panel(pen, plot.series[i],
           {kMargin + column * (width + kPanelGap), header_height(plot) + row * (kPanelHeight + kPanelGap),
            width, kPanelHeight})

@@ -26,7 +26,7 @@ const Unit& unit_for(double ns) {
   return *best;
 }
 
-double ns(Time time) { return static_cast<double>(time.count()); }
+double count_of(Time time) { return static_cast<double>(time.count()); }
 
 /// 1, 2 or 5 times a power of ten, about `wish`.
 double round_step(double wish) {
@@ -41,8 +41,8 @@ TimeAxis::TimeAxis(const PlotSeries& series) {
   double low = HUGE_VAL;
   double high = 0.0;
   const auto include = [&](Time first, Time last) {
-    low = std::min(low, ns(first));
-    high = std::max(high, ns(last));
+    low = std::min(low, count_of(first));
+    high = std::max(high, count_of(last));
   };
   std::uint64_t total = 0;
   for (const Bucket& bucket : series.buckets) {
@@ -54,7 +54,7 @@ TimeAxis::TimeAxis(const PlotSeries& series) {
   for (const Bucket& bucket : series.buckets) {
     seen += bucket.count;
     if (seen * 2 >= total) {
-      median = std::max(ns(bucket.last), 1.0);
+      median = std::max(count_of(bucket.last), 1.0);
       break;
     }
   }
@@ -78,16 +78,18 @@ TimeAxis::TimeAxis(const PlotSeries& series) {
   unit_ = unit.name;
 }
 
-double TimeAxis::position(double at) const noexcept {
-  if (!logarithmic_) return (at - low_) / (high_ - low_);
-  return std::log(std::max(at, low_) / low_) / std::log(high_ / low_);
+double TimeAxis::position(double ns) const noexcept {
+  if (!logarithmic_) return (ns - low_) / (high_ - low_);
+  return std::log(std::max(ns, low_) / low_) / std::log(high_ / low_);
 }
 
 std::vector<TimeAxis::Tick> TimeAxis::ticks() const {
   std::vector<Tick> ticks;
   if (logarithmic_) {
     const bool dense = high_ / low_ < 1e3;
-    for (double decade = std::pow(10.0, std::floor(std::log10(low_))); decade <= high_; decade *= 10.0) {
+    const auto last = static_cast<int>(std::floor(std::log10(high_)));
+    for (auto power = static_cast<int>(std::floor(std::log10(low_))); power <= last; ++power) {
+      const double decade = std::pow(10.0, power);
       for (const double digit : {1.0, 2.0, 5.0}) {
         const double at = decade * digit;
         if (at < low_ || at > high_ || (!dense && digit != 1.0)) continue;
@@ -99,19 +101,22 @@ std::vector<TimeAxis::Tick> TimeAxis::ticks() const {
   }
   constexpr double kWished = 6.0;
   const double step = round_step((high_ - low_) / kWished);
-  for (double k = std::ceil(low_ / step); k * step <= high_; k += 1.0)
-    ticks.push_back({k * step, fmt::format("{:.7g}", k * step / unit_ns_ + 0.0)});
+  const auto last = static_cast<std::int64_t>(std::floor(high_ / step));
+  for (auto k = static_cast<std::int64_t>(std::ceil(low_ / step)); k <= last; ++k) {
+    const double at = static_cast<double>(k) * step;
+    ticks.push_back({at, fmt::format("{:.7g}", at / unit_ns_)});
+  }
   return ticks;
 }
 
 std::vector<Bucket> TimeAxis::columns(const std::vector<Bucket>& buckets) const {
   double widest = 1.0 / kColumns;
   for (const Bucket& bucket : buckets)
-    widest = std::max(widest, position(ns(bucket.last) + 1.0) - position(ns(bucket.first)));
+    widest = std::max(widest, position(count_of(bucket.last) + 1.0) - position(count_of(bucket.first)));
   std::vector<Bucket> columns;
   double end = -1.0;
   for (const Bucket& bucket : buckets) {
-    const double at = position(ns(bucket.first));
+    const double at = position(count_of(bucket.first));
     if (columns.empty() || at >= end - 1e-9) {
       // Columns stand on a grid, so that their widths are equal.
       end = (std::floor(at / widest + 1e-9) + 1.0) * widest;

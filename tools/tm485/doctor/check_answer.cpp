@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 
 #include "doctor/checks.hpp"
 #include "quantity.hpp"
 #include "stop_signal.hpp"
+#include "tm485/linux/port_identity.hpp"
 
 namespace tm485::cli::doctor {
 namespace {
@@ -94,19 +96,23 @@ std::uint32_t find_rate(Patient& patient, std::vector<std::uint32_t>& tried) {
     for (unsigned k = 0; k < kTriesAtAnotherRate && found == 0; ++k)
       if (ask(patient, DataId::encoder_id, tally).kind == Kind::reply) found = rate;
   }
-  (void)patient.line.open(patient.options, usual);  // gone() says if it did not open
+  if (!patient.line.open(patient.options, usual)) return 0;  // gone() says so
   return found;
 }
 
-/// Nobody knows the rate of a line that has none.
+/// Nobody knows the rate of a line that has none: a socket, a pseudo-terminal.
 bool has_rate(const Patient& patient) {
-  return patient.line.simulated() || patient.line.capability().timing != TimingClass::best_effort;
+  const std::string& port = patient.options.port;
+  std::error_code ignored;
+  if (port.starts_with("unix:") || std::filesystem::is_socket(port, ignored)) return false;
+  return linux_hal::identify_port(port).bus != linux_hal::PortBus::pseudo_terminal;
 }
 
 void judge_silence(Patient& patient, const Tally& tally) {
   std::vector<std::uint32_t> tried;
   const bool rates = has_rate(patient);
   const std::uint32_t rate = rates ? find_rate(patient, tried) : 0;
+  if (patient.line.gone()) return;
   const std::uint32_t usual = patient.profile.profile().bit_rate;
   const std::string sound = tally.example.empty() ? "" : fmt::format("; heard for example {}", tally.example);
   if (rate != 0) {

@@ -15,22 +15,22 @@ Finding& Report::add(FindingId id, std::string seen) {
       Finding{id, info.severity, std::move(seen), std::string(info.cause), std::string(info.remedy)});
 }
 
-void Report::end_check(std::string_view check, std::string detail) {
+void Report::end_check(std::string_view check_name, std::string detail) {
   std::string_view verdict = "good";
   Severity worst = Severity::note;
   for (; judged_ < findings_.size(); ++judged_) {
     worst = std::max(worst, findings_[judged_].severity);
     verdict = name(worst);
   }
-  checks_.push_back({std::string(check), std::string(verdict), std::move(detail)});
+  checks_.push_back({std::string(check_name), std::string(verdict), std::move(detail)});
 }
 
-void Report::not_judged(std::string_view check, std::string why) {
-  checks_.push_back({std::string(check), "not judged", std::move(why)});
+void Report::not_judged(std::string_view check_name, std::string why) {
+  checks_.push_back({std::string(check_name), "not judged", std::move(why)});
 }
 
-void Report::skipped(std::string_view check, std::string why) {
-  checks_.push_back({std::string(check), "skipped", std::move(why)});
+void Report::skipped(std::string_view check_name, std::string why) {
+  checks_.push_back({std::string(check_name), "skipped", std::move(why)});
 }
 
 bool Report::has(FindingId id) const noexcept {

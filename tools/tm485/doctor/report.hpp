@@ -29,11 +29,11 @@ class Report {
   /// A finding with the texts of the table. The reference holds until the next one.
   Finding& add(FindingId id, std::string seen);
 
-  /// Ends the check `name`: its verdict is the worst of the findings since the check before, or good.
-  void end_check(std::string_view name, std::string detail);
+  /// Ends the check `check_name`: its verdict is the worst of the findings since the check before, or good.
+  void end_check(std::string_view check_name, std::string detail);
   /// The same for one that could not be carried out.
-  void not_judged(std::string_view name, std::string why);
-  void skipped(std::string_view name, std::string why);
+  void not_judged(std::string_view check_name, std::string why);
+  void skipped(std::string_view check_name, std::string why);
 
   [[nodiscard]] bool has(FindingId id) const noexcept;
   [[nodiscard]] bool healthy() const noexcept;
