@@ -26,11 +26,12 @@ ALLOWED = {
     "motion": {"base", "protocol", "motion"},  # a Sample is made from a Reply
     "bus": {"base", "protocol", "sync", "motion", "bus"},
     "umbrella": CORE | {"umbrella"},
+    "c": CORE | {"c"},  # the C interface: a view of the core that nothing below knows
     "design": {"base", "motion", "design"},  # solves what motion's estimators use; nothing below knows it
     "sim": CORE | {"sim"},
     "mcu": CORE | {"mcu"},
     "linux": CORE | {"linux", "mcu"},  # mcu: the register drivers, for memory-mapped UARTs (docs/adr/0012)
-    "user": CORE | {"umbrella", "design", "sim", "mcu", "linux", "user"},
+    "user": CORE | {"umbrella", "c", "design", "sim", "mcu", "linux", "user"},
 }
 
 # The folders of the zones, the first match counts. A source in core/src itself has the zone of the header that it
@@ -46,6 +47,7 @@ ZONES = [
     ("core/src/motion/", "motion"),
     ("core/src/sync/", "sync"),
     ("core/src/bus/", "bus"),
+    ("core/c/", "c"),
     ("core/design/", "design"),
     ("hal/sim/", "sim"),
     ("hal/mcu/", "mcu"),
@@ -57,7 +59,7 @@ ZONES = [
     ("integrations/", "user"),
 ]
 
-INCLUDE_FOLDERS = ["core/include", "core/design/include", "hal/sim/include", "hal/mcu/include", "hal/linux/include"]
+INCLUDE_FOLDERS = ["core/include", "core/c/include", "core/design/include", "hal/sim/include", "hal/mcu/include", "hal/linux/include"]
 
 # The simulated encoder and its line judge the codecs, so they share nothing with them, not even indirectly. So do the
 # models of UARTs and the register drivers.
@@ -70,6 +72,9 @@ CORE_STD = set(
     "algorithm array atomic bit chrono compare concepts cstddef cstdint cstring expected initializer_list limits "
     "numbers numeric optional ratio span string_view tuple type_traits utility variant".split()
 )
+
+# The C interface besides: what C has of it, and placement new.
+C_STD = CORE_STD | {"new", "stdbool.h", "stddef.h", "stdint.h"}
 
 CLOCK = re.compile(r"\b(steady|system|high_resolution)_clock\b")
 
@@ -144,7 +149,7 @@ class Tree:
                 places = [os.path.normpath(os.path.join(folder, spelling)) for folder in INCLUDE_FOLDERS]
                 if match.group(2):
                     places.insert(0, os.path.normpath(os.path.join(os.path.dirname(name), spelling)))
-                    places += [os.path.join(f, spelling) for f in ("tools/tm485", "tests", "hal/sim/src", "hal/linux/src")]
+                    places += [os.path.join(f, spelling) for f in ("tools/tm485", "tests", "core/c/src", "hal/sim/src", "hal/linux/src")]
                 yield number, spelling, next((p for p in places if p in self.names), None)
 
     def zone(self, name):
@@ -207,7 +212,8 @@ def check_core_headers(tree):
     for name in tree.sources:
         if runs_on_microcontrollers(tree, name):
             for number, spelling, target in tree.includes[name]:
-                if target is None and spelling not in CORE_STD and not spelling.startswith("tm485/"):
+                allowed = C_STD if tree.zone(name) == "c" else CORE_STD
+                if target is None and spelling not in allowed and not spelling.startswith("tm485/"):
                     yield name, number, "core-header", f"<{spelling}> is not among the headers that the core may use"
 
 
@@ -222,7 +228,7 @@ def check_clock(tree):
 
 def check_once(tree):
     for name in tree.sources:
-        if Path(name).suffix == ".hpp" and "#pragma once" not in tree.text[name]:
+        if Path(name).suffix in (".hpp", ".h") and "#pragma once" not in tree.text[name]:
             yield name, 1, "once", "a header without #pragma once"
 
 
@@ -258,6 +264,10 @@ SEEDS = [
     ("core/include/tm485/bus/a.hpp", '#include "tm485/gone.hpp"', "layer", "not in the tree"),
     ("core/include/tm485/motion/a.hpp", '#include "tm485/design/d.hpp"', "layer", "motion must not include design"),
     ("core/design/src/a.cpp", '#include "tm485/bus/b.hpp"', "layer", "design must not include bus"),
+    ("core/include/tm485/bus/a.hpp", '#include "tm485/c/c.h"', "layer", "bus must not include c"),
+    ("core/c/src/a.cpp", '#include "tm485/sim/line.hpp"', "layer", "c must not include sim"),
+    ("core/c/src/a.cpp", "#include <stdio.h>", "core-header", "<stdio.h>"),
+    ("core/c/include/tm485/c/a.h", None, "once", "without #pragma once"),
     ("core/include/tm485/motion/a.hpp", "#include <Eigen/Dense>", "core-header", "<Eigen/Dense>"),
     ("hal/linux/src/a.cpp", '#include "tm485/sim/line.hpp"', "layer", "linux must not include sim"),
     ("hal/sim/src/a.cpp", '#include "tm485/linux/l.hpp"', "layer", "sim must not include linux"),
@@ -292,6 +302,8 @@ CLEAN = {
     "core/include/tm485/sync/s.hpp": "#include <atomic>",
     "core/include/tm485/bus/b.hpp": '#include "tm485/motion/m.hpp"\n#include "tm485/sync/s.hpp"',
     "core/src/p.cpp": '#include "tm485/protocol/p.hpp"',
+    "core/c/include/tm485/c/c.h": "#pragma once\n#include <stdint.h>",
+    "core/c/src/c.cpp": '#include "tm485/c/c.h"\n#include "tm485/bus/b.hpp"\n#include <new>',
     "core/design/include/tm485/design/d.hpp": '#include "tm485/motion/m.hpp"\n#include <complex>',
     "core/design/src/d.cpp": '#include "tm485/design/d.hpp"\n#include <Eigen/Dense>',
     "hal/sim/include/tm485/sim/line.hpp": '#include "tm485/time.hpp"\n#include <vector>',

@@ -1,20 +1,9 @@
-// The version of the stack, by Semantic Versioning. The build files read the three numbers from
-// here, so this is the only place that states them.
+// The version of the library that a program runs with. version.h states the numbers.
 #pragma once
 
 #include <string_view>
 
-#define TM485_VERSION_MAJOR 0
-#define TM485_VERSION_MINOR 1
-#define TM485_VERSION_PATCH 0
-
-#define TM485_VERSION_QUOTED(x) #x
-#define TM485_VERSION_TEXT(x) TM485_VERSION_QUOTED(x)
-
-/// "MAJOR.MINOR.PATCH" of the headers that a program was compiled with.
-#define TM485_VERSION_STRING              \
-  TM485_VERSION_TEXT(TM485_VERSION_MAJOR) \
-  "." TM485_VERSION_TEXT(TM485_VERSION_MINOR) "." TM485_VERSION_TEXT(TM485_VERSION_PATCH)
+#include "tm485/version.h"  // IWYU pragma: export
 
 namespace tm485 {
 

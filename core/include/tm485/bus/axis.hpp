@@ -60,6 +60,7 @@ class Axis {
 
   /// The loop's side. Its context alone may use it.
   [[nodiscard]] AxisClient& client() noexcept { return client_; }
+  [[nodiscard]] const AxisClient& client() const noexcept { return client_; }
   /// For the bus's own context: managers that offer exchanges, recorders. Its samples are the axis's.
   [[nodiscard]] Bus<P>& bus() noexcept { return bus_; }
   [[nodiscard]] const Bus<P>& bus() const noexcept { return bus_; }

@@ -149,6 +149,8 @@ class Bus {
   /// The axis was homed: samples are referenced from the next one on.
   void set_referenced(bool referenced) noexcept { tracker_.set_referenced(referenced); }
 
+  /// As given to the constructor; for any context.
+  [[nodiscard]] const CompiledProfile& profile() const noexcept { return *profile_; }
   [[nodiscard]] BusState state() const noexcept { return state_; }
   [[nodiscard]] StartupStage startup_stage() const noexcept { return startup_.stage(); }
   /// The last failed start-up sequence, if any has failed since the last good one.
