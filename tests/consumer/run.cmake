@@ -1,6 +1,6 @@
 # Installs a build and builds the consumer twice: by find_package, and by pkg-config and the bare compiler.
 # Then the examples, each as a project of its own.
-#   cmake -DSOURCE= -DEXAMPLES= -DBUILD= -DCONFIG= -DCOMPILER= -DFLAGS= -DVERSION= -P run.cmake
+#   cmake -DSOURCE= -DEXAMPLES= -DBUILD= -DCONFIG= -DCOMPILER= -DC_COMPILER= -DFLAGS= -DVERSION= -P run.cmake
 set(work ${BUILD}/consumer)
 set(prefix ${work}/prefix)
 file(REMOVE_RECURSE ${work})
@@ -50,7 +50,15 @@ if(NOT design)
 endif()
 foreach(example IN LISTS examples)
   run("configuring ${example}" ${CMAKE_COMMAND} -S ${EXAMPLES}/${example} -B ${work}/${example} -G Ninja
-    -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_CXX_FLAGS=${FLAGS} -DCMAKE_BUILD_TYPE=${CONFIG})
+    -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_CXX_FLAGS=${FLAGS} -DCMAKE_C_COMPILER=${C_COMPILER}
+    -DCMAKE_BUILD_TYPE=${CONFIG})
   run("building ${example}" ${CMAKE_COMMAND} --build ${work}/${example})
-  run("running ${example}" ${work}/${example}/${example})
+  if(EXISTS ${EXAMPLES}/${example}/run.sh)  # on a simulated encoder of the installed command
+    file(GLOB command ${prefix}/bin/tm485)
+    if(command)
+      run("running ${example}" ${EXAMPLES}/${example}/run.sh ${work}/${example}/${example} ${command})
+    endif()
+  else()
+    run("running ${example}" ${work}/${example}/${example})
+  endif()
 endforeach()
