@@ -12,7 +12,7 @@ function(tm485_target target)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
   if(ARG_NO_EXCEPTIONS)
-    target_compile_options(${target} PRIVATE -fno-exceptions -fno-rtti)
+    target_compile_options(${target} PRIVATE "$<$<COMPILE_LANGUAGE:CXX>:-fno-exceptions;-fno-rtti>")
   endif()
 endfunction()
 

@@ -29,48 +29,59 @@ step_format() {
   sources '*.hpp' '*.h' '*.cpp' '*.c' | xargs -r -P "$jobs" -n 16 clang-format-19 --dry-run -Werror 2>&1 | head -n 60
 }
 
-about[headers]="each public header compiles alone, twice included: GCC, Clang 19, those of core and hal/mcu also for Cortex-M"
-# header_alone HEADER COMPILER...
+about[headers]="each public header compiles alone, twice included: GCC, Clang 19, those of core and hal/mcu also for Cortex-M, those of C as C99 too"
+# header_alone HEADER LANGUAGE COMPILER...
 header_alone() {
-  local header=$1
-  shift
-  printf '#include "%s"\n#include "%s"\n' "$header" "$header" | "$@" -x c++ - && return
+  local header=$1 language=$2
+  shift 2
+  printf '#include "%s"\n#include "%s"\nextern int alone;\n' "$header" "$header" | "$@" -x "$language" - && return
   printf '%s does not compile alone: %s\n' "$header" "$*" >&2
   return 1
 }
 step_headers() {
   local part headers header name own compiler flags="-std=c++23 -fsyntax-only ${warnings[*]} -Icore/include"
+  local c_flags="-std=c99 -fsyntax-only ${warnings[*]} -Icore/include -Icore/c/include"
   export -f header_alone
-  for part in core core/design hal/sim hal/mcu hal/linux; do
+  for part in core core/c core/design hal/sim hal/mcu hal/linux; do
     # A hal's headers see the core and their own folder, and no other; those of linux see the register drivers too.
     own="-I$part/include"
     [[ $part != hal/linux ]] || own+=" -Ihal/mcu/include"
-    headers=$(sources "$part/include/*.hpp") || exit
+    headers=$(sources "$part/include/*.hpp") || [[ $part == core/c ]] || exit
     for header in $headers; do
       name=${header#*/include/}
       for compiler in g++ clang++-19; do
-        printf '%s %s %s %s\n' "$name" "$compiler" "$flags" "$own"
+        printf '%s c++ %s %s %s\n' "$name" "$compiler" "$flags" "$own"
       done
       if [[ $part == core || $part == hal/mcu ]]; then
-        printf '%s arm-none-eabi-g++ -mcpu=cortex-m0plus -mthumb -fno-exceptions -fno-rtti %s %s\n' "$name" "$flags" "$own"
+        printf '%s c++ arm-none-eabi-g++ -mcpu=cortex-m0plus -mthumb -fno-exceptions -fno-rtti %s %s\n' "$name" "$flags" "$own"
       fi
+    done
+    [[ $part == core/c ]] || continue
+    for name in $(sources 'core/c/include/*.h' 'core/include/*.h'); do
+      name=${name#*/include/}
+      for compiler in gcc clang-19 "arm-none-eabi-gcc -mcpu=cortex-m0plus -mthumb"; do
+        printf '%s c %s %s\n' "$name" "$compiler" "$c_flags"
+      done
+      for compiler in g++ clang++-19 "arm-none-eabi-g++ -mcpu=cortex-m0plus -mthumb -fno-exceptions -fno-rtti"; do
+        printf '%s c++ %s %s %s\n' "$name" "$compiler" "$flags" "$own"
+      done
     done
   done | xargs -P "$jobs" -L 1 bash -c 'header_alone "$@"' header_alone
 }
 
-# join LD ARCHIVE OBJECT OUT: the whole archive and a program's object in one, so that what it leaves undefined are
-# the symbols that the core takes from others, templates included.
-join() { "$1" -r --whole-archive "$2" "$3" -o "$4"; }
+# join LD OUT FILE...: whole archives and programs' objects in one, so that what it leaves undefined are the symbols that
+# the core takes from others, templates included.
+join() { "$1" -r --whole-archive "${@:3}" -o "$2"; }
 
 # undefined_in NM OBJECT
 undefined_in() { "$1" --undefined-only --format=posix "$2" | cut -d' ' -f1; }
 
-about[heap]="the core uses neither heap nor exceptions, on the host (tests/firmware is its user)"
+about[heap]="the core and its C interface use neither heap nor exceptions, on the host (tests/firmware is its user)"
 step_heap() {
-  build dev tm485_core || return
+  build dev tm485_core tm485_c || return
   local folder=build/dev/core found
   g++ -std=c++23 -O2 -fno-exceptions -fno-rtti -Icore/include -c tests/firmware/firmware.cpp -o "$folder/user.o" &&
-    join ld "$folder/libtm485_core.a" "$folder/user.o" "$folder/whole.o" || return
+    join ld "$folder/whole.o" "$folder/libtm485_core.a" "$folder/c/libtm485_c.a" "$folder/user.o" || return
   found=$(undefined_in nm "$folder/whole.o" | grep -E \
     '^(malloc|calloc|realloc|free|aligned_alloc|posix_memalign|_Zn[wa].*|_Zd[la].*|__cxa_.*|_Unwind_.*|_ZSt[0-9]+__throw_.*)$' || true)
   [[ -z $found ]] || { printf 'the core uses:\n%s\n' "$found" >&2 && return 1; }
@@ -82,10 +93,10 @@ step_arm() {
   for preset in arm-m0plus arm arm-m7; do
     folder=build/$preset
     build "$preset" || { bad=1 && continue; }
-    # The bus, then the register drivers, each joined with the core.
+    # The bus, then the register drivers, each joined with the core and its C interface.
     objects=$folder/tests/firmware/CMakeFiles
     for object in tm485_firmware.dir/firmware.cpp.obj tm485_firmware_drivers.dir/drivers.cpp.obj; do
-      join arm-none-eabi-ld "$folder/core/libtm485_core.a" "$objects/$object" "$folder/whole.o" || { bad=1 && continue; }
+      join arm-none-eabi-ld "$folder/whole.o" "$folder/core/libtm485_core.a" "$folder/core/c/libtm485_c.a" "$objects/$object" || { bad=1 && continue; }
       found=$(undefined_in arm-none-eabi-nm "$folder/whole.o" | grep -vE '^(mem(cpy|set|move|cmp)|__aeabi_.*|__gnu_thumb.*)$' || true)
       [[ -z $found ]] || { printf '%s: core or %s needs:\n%s\n' "$preset" "${object##*/}" "$found" >&2 && bad=1; }
     done
@@ -106,6 +117,14 @@ report_size() {
       printf "  the library, all of it:            code %5d B, constants %5d B, static RAM %d B\n", code, constants, ram
       exit ram != 0
     }' || status=1
+  arm-none-eabi-size -A "$1/core/c/libtm485_c.a" | awk '
+    $1 ~ /^\.text/ { code += $2 }
+    $1 ~ /^\.rodata/ { constants += $2 }
+    $1 ~ /^\.(data|bss)/ { ram += $2 }
+    END {
+      printf "  the C interface, all of it:        code %5d B, constants %5d B, static RAM %d B\n", code, constants, ram
+      exit ram != 0
+    }' || status=1
   { arm-none-eabi-size -A "$1/tests/firmware/tm485_firmware"; arm-none-eabi-nm -S --radix=d "$1/tests/firmware/tm485_firmware"; } | awk '
     $1 == ".text" { code = $2 }
     $1 == ".rodata" { constants = $2 }
@@ -114,6 +133,11 @@ report_size() {
       printf "  a firmware with the whole bus:     code %5d B, constants %5d B\n", own, constants
       printf "  compiler and C library in it:      code %5d B\n", code - own
     }'
+  arm-none-eabi-size -A "$1/tests/firmware/tm485_firmware_c" | awk '
+    $1 == ".text" { code = $2 }
+    $1 == ".rodata" { constants = $2 }
+    $1 == ".bss" { ram = $2 }
+    END { printf "  a firmware in C with a bus:        code %5d B, constants %5d B, bus and profile %d B of RAM\n", code, constants, ram }'
   ((status == 0)) || printf 'the core has static RAM\n' >&2
   return "$status"
 }

@@ -1,6 +1,7 @@
 # Cortex-M with Debian's gcc-arm-none-eabi and newlib. TM485_ARM_CPU chooses the core.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
+set(CMAKE_C_COMPILER arm-none-eabi-gcc)
 set(CMAKE_CXX_COMPILER arm-none-eabi-g++)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 set(CMAKE_TRY_COMPILE_PLATFORM_VARIABLES TM485_ARM_CPU)
@@ -17,8 +18,8 @@ elseif(TM485_ARM_CPU STREQUAL "cortex-m7")
 else()
   message(FATAL_ERROR "TM485_ARM_CPU is \"${TM485_ARM_CPU}\"; it may be cortex-m0plus, cortex-m4 or cortex-m7")
 endif()
-set(CMAKE_CXX_FLAGS_INIT
-  "-mcpu=${TM485_ARM_CPU} -mthumb ${_fpu} -ffunction-sections -fdata-sections -fno-exceptions -fno-rtti -fno-threadsafe-statics")
+set(CMAKE_C_FLAGS_INIT "-mcpu=${TM485_ARM_CPU} -mthumb ${_fpu} -ffunction-sections -fdata-sections")
+set(CMAKE_CXX_FLAGS_INIT "${CMAKE_C_FLAGS_INIT} -fno-exceptions -fno-rtti -fno-threadsafe-statics")
 
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
