@@ -7,6 +7,7 @@
 #include <new>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <type_traits>
 
 #include "convert.hpp"
@@ -23,10 +24,19 @@ static_assert(sizeof(tm485_profile_settings::enids) == EnidSet::kCapacity);
 static_assert(value(Units::counts) == TM485_UNITS_COUNTS && value(Units::rev) == TM485_UNITS_REV &&
               value(Units::deg) == TM485_UNITS_DEG && value(Units::rad) == TM485_UNITS_RAD);
 
+/// A text that ends with NUL; what is beyond the length of any name is not looked at. Bounded, and so no strlen(), which
+/// would be one more function of a C library.
+std::string_view text(const char* begin) noexcept {
+  constexpr std::size_t kLongest = 64;
+  std::size_t length = 0;
+  while (length < kLongest && begin[length] != '\0') ++length;
+  return {begin, length};
+}
+
 /// The preset of that name, or null.
 const Profile* find(const char* name) noexcept {
   if (name == nullptr) return nullptr;
-  const std::string_view wanted(name);
+  const std::string_view wanted = text(name);
   for (const Profile& preset : profile_presets())
     if (preset.name == wanted) return &preset;
   return nullptr;
@@ -66,7 +76,7 @@ void to_c(const Profile& profile, tm485_profile_settings& to) noexcept {
 
 Profile from_c(const tm485_profile_settings& settings) noexcept {
   Profile profile;
-  if (settings.name != nullptr) profile.name = settings.name;
+  if (settings.name != nullptr) profile.name = text(settings.name);
   for (std::size_t i = 0; i < kDataIdCount; ++i) profile.t1[i] = Time{settings.t1[i]};
   profile.t2_min = Time{settings.t2_min};
   profile.t2_max = Time{settings.t2_max};
@@ -96,13 +106,15 @@ Profile from_c(const tm485_profile_settings& settings) noexcept {
   return profile;
 }
 
+/// The core's texts are literals, so a NUL stands behind each (a test looks).
+const char* c_text(std::string_view literal) noexcept { return literal.data(); }
+
 tm485_errc compile(tm485_profile* to, const Profile& profile, tm485_profile_error* why) noexcept {
   const auto compiled = CompiledProfile::compile(profile);
-  if (why != nullptr) {
-    const ProfileError error = compiled ? ProfileError{Errc::ok, "", ""} : compiled.error();
-    *why = {error.field.data(), error.why.data()};
+  if (!compiled) {
+    if (why != nullptr) *why = {c_text(compiled.error().field), c_text(compiled.error().why)};
+    return code(compiled.error().code);
   }
-  if (!compiled) return code(compiled.error().code);
   ::new (static_cast<void*>(to->storage)) CompiledProfile(*compiled);
   return TM485_OK;
 }

@@ -2,6 +2,8 @@
 // Included by profile.hpp. Specification: section 7.
 #pragma once
 
+#include <string_view>
+
 #include "tm485/protocol/profile.hpp"
 
 namespace tm485 {
@@ -43,40 +45,41 @@ constexpr void fix_bits(ReplyRule& rule, unsigned at, std::uint32_t mask, std::u
 inline constexpr Time kLongest = std::chrono::seconds(60);
 
 [[nodiscard]] constexpr ProfileError find_contradiction(const Profile& p) noexcept {
+  using namespace std::string_view_literals;  // no strlen() at run time
   const auto error = [](std::string_view field, std::string_view why) {
     return ProfileError{Errc::bad_profile, field, why};
   };
   const auto width_ok = [](unsigned bits) { return bits >= 8 && bits <= 24; };
   const auto span_ok = [](Time t) { return t >= Time{0} && t <= kLongest; };
-  if (!width_ok(p.single_turn_bits)) return error("single_turn_bits", "must be 8 to 24");
+  if (!width_ok(p.single_turn_bits)) return error("single_turn_bits"sv, "must be 8 to 24"sv);
   if (p.multi_turn_bits != 0 && !width_ok(p.multi_turn_bits))
-    return error("multi_turn_bits", "must be 0 or 8 to 24");
-  if (p.enids.count > EnidSet::kCapacity) return error("enids", "at most four");
-  if (p.abm_reserved > 0xFFFFFF) return error("abm_reserved", "ABM has 24 bits");
+    return error("multi_turn_bits"sv, "must be 0 or 8 to 24"sv);
+  if (p.enids.count > EnidSet::kCapacity) return error("enids"sv, "at most four"sv);
+  if (p.abm_reserved > 0xFFFFFF) return error("abm_reserved"sv, "ABM has 24 bits"sv);
   if (p.multi_turn_bits != 0 && (p.abm_reserved & ((1U << p.multi_turn_bits) - 1U)) != 0)
-    return error("abm_reserved", "overlaps the multi-turn count");
+    return error("abm_reserved"sv, "overlaps the multi-turn count"sv);
   if (p.bit_rate < 9'600 || p.bit_rate > 10'000'000)
-    return error("bit_rate", "must be 9600 to 10000000 bit/s");
+    return error("bit_rate"sv, "must be 9600 to 10000000 bit/s"sv);
   if (!span_ok(p.t2_min) || !span_ok(p.t2_max) || p.t2_min > p.t2_max)
-    return error("t2", "the window is empty or longer than 60 s");
-  if (!span_ok(p.latch_uncertainty)) return error("latch_uncertainty", "must be 0 to 60 s");
+    return error("t2"sv, "the window is empty or longer than 60 s"sv);
+  if (!span_ok(p.latch_uncertainty)) return error("latch_uncertainty"sv, "must be 0 to 60 s"sv);
   if (p.latch_offset < -kLongest || p.latch_offset > kLongest)
-    return error("latch_offset", "must be within 60 s");
+    return error("latch_offset"sv, "must be within 60 s"sv);
   if (!span_ok(p.power_up_time) || !span_ok(p.boot_time_min) || p.boot_time_min > p.power_up_time)
-    return error("power_up_time", "must be 0 to 60 s and not below boot_time_min");
+    return error("power_up_time"sv, "must be 0 to 60 s and not below boot_time_min"sv);
   if (p.reset_count == 0 || !span_ok(p.reset_spacing) || !span_ok(p.reset_zero_settle))
-    return error("reset", "count must be 1 or more, times 0 to 60 s");
-  if (p.eeprom_pages == 0 || p.eeprom_pages > 127) return error("eeprom_pages", "must be 1 to 127");
+    return error("reset"sv, "count must be 1 or more, times 0 to 60 s"sv);
+  if (p.eeprom_pages == 0 || p.eeprom_pages > 127) return error("eeprom_pages"sv, "must be 1 to 127"sv);
   if (p.eeprom_page_bytes == 0 || p.eeprom_page_bytes > 127)
-    return error("eeprom_page_bytes", "must be 1 to 127");
+    return error("eeprom_page_bytes"sv, "must be 1 to 127"sv);
   if (!span_ok(p.eeprom_write_time) || !span_ok(p.eeprom_page_time))
-    return error("eeprom_times", "must be 0 to 60 s");
+    return error("eeprom_times"sv, "must be 0 to 60 s"sv);
   const Time character{10'000'000'000 / p.bit_rate};
   for (const Layout& row : kLayouts) {
     const Time t1 = p.t1[index_of(row.id)];
-    if (!span_ok(t1)) return error("t1", "must be 0 to 60 s");
+    if (!span_ok(t1)) return error("t1"sv, "must be 0 to 60 s"sv);
     if (t1 < character * (row.request_length + row.reply_length) + p.t2_min)
-      return error("t1", "shorter than the exchange itself");
+      return error("t1"sv, "shorter than the exchange itself"sv);
   }
   return {Errc::ok, {}, {}};
 }
