@@ -43,7 +43,7 @@ template <class Enum>
 [[nodiscard]] std::expected<Request, Errc> from_c(const tm485_request& request) noexcept;
 [[nodiscard]] tm485_reply to_c(const Reply& reply, const CompiledProfile& profile) noexcept;
 void to_c(const Sample& sample, tm485_sample& to) noexcept;
-void to_c(const Statistics& statistics, tm485_statistics& to) noexcept;
+void to_c(const Statistics& from, tm485_statistics& to) noexcept;
 void to_c(const Estimate& estimate, tm485_estimate& to) noexcept;
 /// The same answer in the two structures, of which either may be null.
 [[nodiscard]] tm485_errc answer(const std::expected<Feasibility, CycleRefusal>& checked,
