@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdio>
 #include <vector>
 
 #include "mcu/model_access.hpp"
@@ -91,6 +92,9 @@ void expect_clean(const auto& config, std::uint32_t clock_hz, DataId id, Time pe
   EXPECT_EQ(rig.encoder().t1().violations(), 0U);
   EXPECT_EQ(bus.latest().position(), rig.encoder().last_latch().counts);
   EXPECT_EQ(rig.model().engine().complaints(), std::vector<std::string>{});
+  std::printf("ID%u every %.1f us: %.1f us in the mean, start-up included\n", number(id),
+              static_cast<double>(period.count()) * 1e-3,
+              static_cast<double>(rig.model().engine().now().count()) * 1e-3 / bus.statistics().cycles);
   // Where a request's start is not seen on the wire, the bus keeps T1 from the latest instant that is possible: that
   // costs the spread of T2, the lead and the grain of the loop, and no cycle.
   EXPECT_LE(rig.model().engine().now(), period * kCycles * 110 / 100 + std::chrono::milliseconds(50));
