@@ -41,7 +41,8 @@ constexpr std::array<Row, kErrcCount> kErrors{{
       "check the bit rate, termination and the driver's release time"}},
     {Errc::send_failed,
      {"send_failed", transport, "the port did not send the request", "check the device and its driver"}},
-    {Errc::port_gone, {"port_gone", transport, "the device vanished", "look at plug, power and cable, then plug it in again"}},
+    {Errc::port_gone,
+     {"port_gone", transport, "the device vanished", "look at plug, power and cable, then plug it in again"}},
 
     {Errc::length_error,
      {"length_error", protocol, "no frame of this kind has this length", "check for lost or extra bytes"}},

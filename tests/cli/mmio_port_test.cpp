@@ -112,5 +112,18 @@ TEST(MmioPort, WhatCannotBeOpenedIsNamed) {
   EXPECT_THAT(text.err, HasSubstr("mmio:pl011@ADDRESS"));
 }
 
+TEST(MmioDirection, IsAGpioLineOrRtsAndNotTheKernels) {
+  const auto error = [](const char* port, const char* direction) {
+    const Finished finished = run({"info", port, "--direction", direction});
+    EXPECT_NE(finished.exit_code, 0);
+    return finished.err;
+  };
+  EXPECT_THAT(error("mmio:pl011@0x9000000,clock=48MHz", "kernel"), HasSubstr("bad_direction"));
+  EXPECT_THAT(error("mmio:pl011@0x9000000,clock=48MHz,direction=rts", "gpio:gpiochip0:3"),
+              HasSubstr("both name a direction"));
+  // The line is asked for before the UART is touched.
+  EXPECT_THAT(error("mmio:pl011@0x9000000,clock=48MHz", "gpio:nosuchchip:3"), HasSubstr("gpio"));
+}
+
 }  // namespace
 }  // namespace tm485::test

@@ -12,8 +12,8 @@ using ::testing::HasSubstr;
 
 TEST(GpioLineWithoutLibrary, SaysWhatToInstall) {
   EXPECT_EQ(gpio_library(), "");
-  for (const GpioAddress& address :
-       {GpioAddress{"gpiochip0", "3", false}, GpioAddress{"", "DE", true}, GpioAddress{"label", "x", false}}) {
+  for (const GpioAddress& address : {GpioAddress{"gpiochip0", "3", false}, GpioAddress{"", "DE", true},
+                                     GpioAddress{"label", "x", false}}) {
     const auto line = GpioLine::open(address);
     ASSERT_FALSE(line);
     EXPECT_EQ(line.error().code, Errc::bad_argument);

@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 
 #include "mmio_text.hpp"
+#include "tm485/linux/gpio_line.hpp"
 #include "tm485/sim/sim_options.hpp"
 
 namespace tm485::cli {
@@ -42,6 +44,29 @@ Problem bad_direction(const std::string& text, const linux_hal::DirectionConfig&
       "bad_direction",
       fmt::format("'{}' has no driver to switch (--direction {})", text, linux_hal::to_text(direction)),
       "leave --direction out; it is for serial devices");
+}
+
+/// A UART without the kernel's driver has no kernel to switch for it; a GPIO line it may have.
+std::expected<void, Problem> switch_by_gpio(const std::string& text,
+                                            const linux_hal::DirectionConfig& direction,
+                                            linux_hal::MmioOptions& options) {
+  using Kind = linux_hal::MmioDirection::Kind;
+  if (direction.kind == linux_hal::DirectionKind::automatic) return {};
+  if (direction.kind == linux_hal::DirectionKind::kernel)
+    return std::unexpected(usage_problem(
+        "bad_direction", fmt::format("'{}' is used without the kernel's driver (--direction kernel)", text),
+        "give direction=rts in the text of the port, or --direction gpio:CHIP:LINE"));
+  if (options.direction.kind != Kind::automatic)
+    return std::unexpected(usage_problem("bad_direction",
+                                         fmt::format("'{}' and --direction both name a direction", text),
+                                         "leave one of them out"));
+  auto line = linux_hal::GpioLine::open(direction.gpio);
+  if (!line) return std::unexpected(open_problem(line.error()));
+  const auto shared = std::make_shared<linux_hal::GpioLine>(std::move(*line));
+  options.direction = {Kind::call, [shared](bool on) { return shared->set(on) == 0; }};
+  // One system call by a loop that may be late: as rs485_direction.hpp assumes of every GPIO line.
+  if (!options.release_bound) options.release_bound = std::chrono::microseconds(100);
+  return {};
 }
 
 bool is_socket(const std::string& path) {
@@ -95,10 +120,11 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
     return std::make_shared<sim::SimulatedEncoder>(*options);
   }
   if (text.starts_with(kMmio)) {
-    if (directed) return std::unexpected(bad_direction(text, direction));
     auto options = parse_mmio(std::string_view(text).substr(kMmio.size()));
     if (!options) return std::unexpected(bad_port(text, options.error()));
     options->bit_rate = bit_rate;
+    if (auto switched = switch_by_gpio(text, direction, *options); !switched)
+      return std::unexpected(std::move(switched.error()));
     auto port = linux_hal::MmioUart::open(*options);
     if (!port) return std::unexpected(open_problem(port.error()));
     return std::move(*port);
@@ -114,7 +140,7 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
     if (!port) return std::unexpected(open_problem(port.error()));
     return std::move(*port);
   }
-  if (path.find('/') == std::string::npos)
+  if (path.find('/') == std::string::npos && ::access(path.c_str(), F_OK) != 0)
     return std::unexpected(bad_port(text, "this is none of the kinds of port that there are"));
   return open_serial(path, bit_rate, direction, any_chip);
 }
