@@ -223,8 +223,9 @@ template <class D>
 void BasicEepromManager<D>::begin_sweep() noexcept {
   suspect_ = Suspect::none;
   if (doubted_ == 0) return;
-  const bool here = page_ && (doubted_ & bit(*page_)) != 0;
-  const unsigned page = here ? *page_ : static_cast<unsigned>(std::countr_zero(doubted_));
+  unsigned page = 0;
+  if (page_ && (doubted_ & bit(*page_)) != 0) page = *page_;
+  while ((doubted_ >> page & 1U) == 0) ++page;
   suspect_ = Suspect::look;
   other_ = page * profile_->profile().eeprom_page_bytes;
 }
