@@ -1,6 +1,7 @@
 // tm485 eeprom restore: done, identical, interrupted, finished, taken back, refused.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -12,6 +13,7 @@
 #include "cli/process.hpp"
 #include "cli/simulator.hpp"
 #include "cli/terminal.hpp"
+#include "eeprom_journal.hpp"
 
 namespace tm485::test {
 namespace {
@@ -174,6 +176,37 @@ TEST(EepromRestore, OneImageOnTwoEncodersGivesEachItsOwnBytesBack) {
   const Finished undo = run(restore("sim:seed=1", file, {"--yes", "--virtual", "--undo"}));
   expect_refused(undo, "which_journal");
   EXPECT_NE(undo.err.find("on sim:seed=2"), std::string::npos) << undo.err;
+}
+
+TEST(EepromRestore, AnotherEncoderIsNotWrittenToBeforeItIsKnown) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("new.bin", pattern());
+  cli::EepromJournal journal;
+  journal.wanted.shape = journal.before.shape = {7, 127};
+  const std::string wanted = pattern();
+  journal.wanted.bytes.assign(wanted.begin(), wanted.end());
+  journal.before.bytes.assign(kBytes, 0);  // that of the simulated one is FF
+  journal.before.bytes[700] = journal.wanted.bytes[700];
+  unsigned refused = 0;
+  for (int seed = 1; seed <= 25; ++seed) {
+    ASSERT_TRUE(cli::save_journal(file + ".journal", journal));
+    const Finished lossy = run(restore("sim:eeprom_start=3,lost=0.05,seed=" + std::to_string(seed), file,
+                                       {"--yes", "--virtual", "--json", "--resume"}));
+    if (lossy.exit_code != 2) continue;
+    ++refused;
+    EXPECT_EQ(object(lossy).at("writes"), 0) << seed;
+  }
+  EXPECT_GT(refused, 20U);
+}
+
+TEST(EepromRestore, AJournalThatNestsForEverIsRefused) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("new.bin", pattern());
+  const std::string deep =
+      "{\"format\":\"tm485-eeprom-journal\",\"version\":1,\"state\":\"unfinished\",\"wanted\":" +
+      std::string(60'000, '[') + std::string(60'000, ']') + "}";
+  expect_refused(run(restore("sim:", file, {"--yes", "--virtual", "--journal", folder.write("j", deep)})),
+                 "bad_journal");
 }
 
 TEST(EepromRestore, BackupAndJournalAreTwoFiles) {

@@ -166,7 +166,7 @@ const Contradiction kContradictions[] = {
     {"ResetSpacingNegative", "reset", [](Profile& p) { p.reset_spacing = ns(-1); }},
     {"ResetSettleTooLong", "reset", [](Profile& p) { p.reset_zero_settle = 61s; }},
     {"NoPages", "eeprom_pages", [](Profile& p) { p.eeprom_pages = 0; }},
-    {"TooManyPages", "eeprom_pages", [](Profile& p) { p.eeprom_pages = 128; }},
+    {"TooManyPages", "eeprom_pages", [](Profile& p) { p.eeprom_pages = 33; }},
     {"EmptyPages", "eeprom_page_bytes", [](Profile& p) { p.eeprom_page_bytes = 0; }},
     {"PagesThatHoldThePageRegister", "eeprom_page_bytes", [](Profile& p) { p.eeprom_page_bytes = 128; }},
     {"WriteTimeNegative", "eeprom_times", [](Profile& p) { p.eeprom_write_time = ns(-1); }},
@@ -201,7 +201,7 @@ TEST(Profile, LimitsThemselvesAreGood) {
       [](Profile& p) { p.t2_min = ns(0); },
       [](Profile& p) { p.latch_offset = ns(-500); },
       [](Profile& p) { p.power_up_time = p.boot_time_min; },
-      [](Profile& p) { p.eeprom_pages = 127; },
+      [](Profile& p) { p.eeprom_pages = 32; },
       [](Profile& p) { p.t1[3] = ns(4'000 * 12 + 2'000); },
   };
   for (const auto& edit : edits) {

@@ -143,5 +143,78 @@ TEST_F(EepromHold, TheAnnouncementEndsWithTheRequest) {
   EXPECT_EQ(axis->client().latest().announced_hold(), Time{0});
 }
 
+/// Spoils the first reply of the encoder that begins after an instant.
+class SpoilAfter : public sim::FaultHook {
+ public:
+  bool on_burst(sim::Burst& burst) noexcept override {
+    if (burst.talker != sim::Talker::encoder || burst.start < after) return false;
+    after = kNever;
+    burst.bytes[2] ^= 0x10;
+    return true;
+  }
+  Time after = kNever;
+};
+
+TEST_F(EepromHold, ABadReplyRightBehindItDoesNotStopTheMotor) {
+  begin();
+  SpoilAfter noise;
+  line.set_fault_hook(&noise);
+  byte[0] = 0x42;
+  usable = true;
+  ASSERT_TRUE(manager.start_write(200, byte));
+  bool spoiled = false;
+  while (manager.active() && !HasFatalFailure()) {
+    step();
+    // In the middle of a hold: what comes next is the first reply behind it.
+    if (!spoiled && seen.back().quality == Quality::held && now - seen.back().at > ms(5)) {
+      noise.after = now;
+      spoiled = true;
+    }
+  }
+  EXPECT_TRUE(spoiled);
+  EXPECT_EQ(noise.after, kNever) << "hit";
+  EXPECT_TRUE(usable);
+  EXPECT_EQ(torque_offs, 0);
+}
+
+/// A port that takes no EEPROM write.
+struct NoWrites : sim::SimPort {
+  using sim::SimPort::SimPort;
+  [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time at) noexcept {
+    if (request.size() == 4) return std::unexpected(Errc::send_failed);
+    return sim::SimPort::try_send(request, at);
+  }
+};
+
+TEST(EepromHoldPort, AHoldThatIsNotSentStopsNothing) {
+  const CompiledProfile profile = test::compiled("tm485_17");
+  sim::EncoderModel model{sim::EncoderConfig{}, {}};
+  sim::Line line{&model, sim::LineConfig{}};
+  NoWrites port{line, sim::SimPortConfig{}};
+  BusConfig config;
+  config.cycle = Pattern(Cycle{DataId::everything, us(125)});
+  config.eeprom_may_hold = true;
+  Bus<NoWrites> bus(port, profile, config);
+  Time now{0};
+  ASSERT_TRUE(bus.start(now));
+  const auto run = [&](Time until) {
+    for (int in_place = 0; now < until && in_place < 100;) {
+      const Time due = bus.poll(now);
+      const Time event = line.next_event();
+      const Time next = std::min({due, event > now ? event : kNever, until});
+      in_place = next > now ? 0 : in_place + 1;
+      now = std::max(now, next);
+    }
+  };
+  run(ms(1'500));
+  ASSERT_EQ(bus.state(), BusState::running);
+  ASSERT_TRUE(bus.offer(*Request::eeprom_write(3, 4)));
+  const std::uint32_t good = bus.statistics().good;
+  run(now + ms(2));
+  EXPECT_GE(bus.statistics().good, good + 14) << "125 us each";
+  EXPECT_EQ(bus.statistics().displaced, 0U);
+  EXPECT_EQ(bus.latest().announced_hold(), Time{0});
+}
+
 }  // namespace
 }  // namespace tm485

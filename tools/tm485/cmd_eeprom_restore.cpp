@@ -56,9 +56,7 @@ class Restore {
       auto encoder = open_(options_);
       if (!encoder) return report(encoder.error());
       encoder_ = std::move(*encoder);
-      know_what_the_journal_knows();
       done = carry_out();
-      warn_unconfirmed(runner().totals());
       if (const int result = show(); result != kExitGood) return result;
     }
     return done ? kExitGood : report(done.error());
@@ -89,7 +87,8 @@ class Restore {
             fmt::format("'{}' says that a restore on {} was not finished", one.path, one.journal.port),
             "finish it with --resume, or take it back with --undo; another encoder needs another "
             "--journal");
-    journal_path_ = next_journal(journal_path_, journals.size());
+    journal_base_ = journal_path_;
+    journal_path_ = next_journal(journal_base_, journals.size());
     if (options_.backup == journal_path_)
       return refused("same_file", fmt::format("'{}' is to be backup and journal", journal_path_),
                      "give them different names");
@@ -124,13 +123,6 @@ class Restore {
     return action_ == Action::undo ? journal_.before : journal_.wanted;
   }
   [[nodiscard]] EepromRunner& runner() const { return *encoder_.runner; }
-
-  /// Bytes that are the same before and after, so the encoder holds them.
-  void know_what_the_journal_knows() {
-    if (action_ == Action::restore) return;
-    for (unsigned i = 0; i < journal_.wanted.bytes.size(); ++i)
-      if (journal_.wanted.bytes[i] == journal_.before.bytes[i]) runner().know(i, journal_.wanted.bytes[i]);
-  }
 
   Result carry_out() {
     auto present = read_image(encoder_, "reading");
@@ -199,7 +191,12 @@ class Restore {
     }
     journal_.state = JournalState::unfinished;
     journal_.port = encoder_.session->port().text();
-    return save_journal(journal_path_, journal_);
+    if (action_ != Action::restore) return save_journal(journal_path_, journal_);
+    // Another restore may have taken the name since it was chosen.
+    auto path = create_journal(journal_base_, journal_);
+    if (!path) return std::unexpected(std::move(path.error()));
+    journal_path_ = std::move(*path);
+    return {};
   }
 
   /// A name that is not in use: a backup is never replaced.
@@ -313,6 +310,7 @@ class Restore {
   const EepromOpener& open_;
   Action action_;
   std::string journal_path_;
+  std::string journal_base_;  ///< of a restore: what the journals' names are made of
   EepromJournal journal_;
   EepromSession encoder_;
   Account account_;

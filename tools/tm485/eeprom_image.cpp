@@ -14,6 +14,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// Deeper than any image: a file that nests for ever must not use up the stack.
+constexpr int kDeepest = 8;
 constexpr std::string_view kFormat = "tm485-eeprom";
 constexpr int kVersion = 1;
 constexpr std::size_t kLargestFile = 65'536;
@@ -45,7 +47,8 @@ std::string text_of(const Json& json, const char* key) {
 
 std::expected<EepromImage, Problem> parse_json_image(std::string_view content, const EepromShape& shape,
                                                      const std::string& file) {
-  const Json json = Json::parse(content, nullptr, false);
+  const Json json =
+      Json::parse(content, [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; }, false);
   if (!json.is_object()) return std::unexpected(no_image(file, "it is not one JSON object"));
   if (text_of(json, "format") != kFormat)
     return std::unexpected(no_image(file, fmt::format("its \"format\" is not \"{}\"", kFormat)));

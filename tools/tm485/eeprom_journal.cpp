@@ -27,6 +27,12 @@ std::optional<JournalState> state_of(const Json& json) {
   return std::nullopt;
 }
 
+/// Deeper than any journal: a file that nests for ever must not use up the stack.
+Json parse_shallow(const std::string& text) {
+  constexpr int kDeepest = 8;
+  return Json::parse(text, [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; }, false);
+}
+
 std::expected<EepromImage, Problem> image_of(const Json& json, const char* key, const EepromShape& shape,
                                              const std::string& path) {
   auto image = parse_image(json.value(key, Json()).dump(), ImageFormat::json, shape,
@@ -113,7 +119,7 @@ std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::str
   if (!std::filesystem::exists(std::filesystem::symlink_status(path, error))) return std::nullopt;
   const auto content = read_whole_file(path, kLargestFile);
   if (!content) return std::unexpected(content.error());
-  const Json json = Json::parse(*content, nullptr, false);
+  const Json json = parse_shallow(*content);
   if (!json.is_object() || json.value("format", Json()) != Json(kFormat))
     return std::unexpected(bad_journal(path, "it is not one that tm485 eeprom restore has written"));
   if (json.value("version", Json()) != Json(kVersion))
@@ -131,7 +137,8 @@ std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::str
   return EepromJournal{*state, text("port"), text("backup_file"), std::move(*wanted), std::move(*before)};
 }
 
-std::expected<void, Problem> save_journal(const std::string& path, const EepromJournal& journal) {
+namespace {
+std::string journal_text(const EepromJournal& journal) {
   Json json;
   json["format"] = kFormat;
   json["version"] = kVersion;
@@ -140,7 +147,24 @@ std::expected<void, Problem> save_journal(const std::string& path, const EepromJ
   json["backup_file"] = journal.backup_file;
   json["wanted"] = Json::parse(image_text(journal.wanted, ImageFormat::json));
   json["before"] = Json::parse(image_text(journal.before, ImageFormat::json));
-  return replace_file(path, json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n');
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+}  // namespace
+
+std::expected<std::string, Problem> create_journal(const std::string& base, const EepromJournal& journal) {
+  constexpr std::size_t kMost = 10'000;
+  const std::string text = journal_text(journal);
+  for (std::size_t existing = 0;; ++existing) {
+    std::string path = next_journal(base, existing);
+    auto created = create_file(path, text);
+    if (created) return path;
+    if (created.error().name != "file_exists" || existing == kMost)
+      return std::unexpected(std::move(created.error()));
+  }
+}
+
+std::expected<void, Problem> save_journal(const std::string& path, const EepromJournal& journal) {
+  return replace_file(path, journal_text(journal));
 }
 
 }  // namespace tm485::cli

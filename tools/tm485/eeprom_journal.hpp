@@ -50,6 +50,9 @@ struct JournalFile {
 /// Nothing if there is no such file. Problem: bad_journal, file_failed or those of parse_image (exit code 2).
 [[nodiscard]] std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::string& path,
                                                                                 const EepromShape& shape);
+/// As a new file, under the first name that is free; answers it. Problem: file_failed (exit code 1).
+[[nodiscard]] std::expected<std::string, Problem> create_journal(const std::string& base,
+                                                                 const EepromJournal& journal);
 /// Replaces it whole. Problem: file_failed (exit code 1).
 [[nodiscard]] std::expected<void, Problem> save_journal(const std::string& path,
                                                         const EepromJournal& journal);

@@ -10,7 +10,23 @@ namespace {
 /// After Ctrl-C the manager ends behind its byte. One whose encoder is silent gives up by itself before that.
 constexpr Time kLongestCancel = std::chrono::seconds(20);
 
+void warn_unconfirmed(std::uint32_t pages) {
+  for (const unsigned page : pages_of(pages))
+    fmt::print(
+        stderr,
+        "tm485: warning: page {}: a request was not answered while nothing was known of this page. If noise "
+        "made\n  a write of it, one byte has changed unseen; compare the page with an older image\n",
+        page);
+}
+
 }  // namespace
+
+std::vector<unsigned> pages_of(std::uint32_t mask) {
+  std::vector<unsigned> pages;
+  for (unsigned page = 0; page < 32; ++page)
+    if ((mask >> page & 1U) != 0) pages.push_back(page);
+  return pages;
+}
 
 EepromRunner::EepromRunner(Session& session)
     : session_(&session),
@@ -40,6 +56,7 @@ std::expected<void, Problem> EepromRunner::run(std::expected<void, Errc> started
   totals_.page_selects += progress.page_selects;
   totals_.retries += progress.retries;
   totals_.repaired += progress.repaired;
+  warn_unconfirmed(progress.unconfirmed_pages & ~totals_.unconfirmed_pages);
   totals_.unconfirmed_pages |= progress.unconfirmed_pages;
   return result;
 }

@@ -25,7 +25,10 @@ struct EepromTotals {
   std::uint32_t unconfirmed_pages = 0;  ///< see EepromProgress
 };
 
-/// What it has read is known to the manager from then on, so that it puts back what noise has changed.
+/// The pages of a mask as EepromProgress and EepromDoubt have them.
+[[nodiscard]] std::vector<unsigned> pages_of(std::uint32_t mask);
+
+/// Says on standard error, at the end of each task, which pages noise may have changed unseen. What it has read is known to the manager from then on, so that it puts back what noise has changed.
 class EepromRunner {
  public:
   /// Start-up of the session is through; it has no cycle and must outlive the runner.
@@ -41,12 +44,6 @@ class EepromRunner {
                                                   std::string_view label);
   [[nodiscard]] std::expected<void, Problem> write(unsigned first, std::span<const std::uint8_t> from,
                                                    std::string_view label);
-
-  /// Of a byte that was not read yet: what it holds, if nothing has changed it since. It is put back if noise does.
-  void know(unsigned at, std::uint8_t value) noexcept {
-    value_[at] = value;
-    known_[at] = true;
-  }
 
   /// The byte at which the last task ended with eeprom_mismatch, if it did.
   [[nodiscard]] std::optional<ByteDifference> mismatch() const;

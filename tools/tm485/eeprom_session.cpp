@@ -51,15 +51,6 @@ std::expected<EepromImage, Problem> read_image(EepromSession& encoder, std::stri
   return image;
 }
 
-namespace {
-std::vector<unsigned> pages_of(std::uint32_t mask) {
-  std::vector<unsigned> pages;
-  for (unsigned page = 0; page < 32; ++page)
-    if ((mask >> page & 1U) != 0) pages.push_back(page);
-  return pages;
-}
-}  // namespace
-
 std::string differences_text(const std::vector<ByteDifference>& all, std::size_t most) {
   std::string text;
   for (std::size_t i = 0; i < all.size() && i < most; ++i)
@@ -100,15 +91,6 @@ void add_totals(JsonObject& json, const EepromTotals& totals) {
   json.set("writes", totals.writes).set("page_selects", totals.page_selects);
   json.set("retries", totals.retries).set("repaired", totals.repaired);
   json.set("unconfirmed_pages", pages_of(totals.unconfirmed_pages));
-}
-
-void warn_unconfirmed(const EepromTotals& totals) {
-  for (const unsigned page : pages_of(totals.unconfirmed_pages))
-    fmt::print(
-        stderr,
-        "tm485: warning: page {}: a request was not answered while nothing was known of this page. If noise "
-        "made\n  a write of it, one byte has changed unseen; compare the page with an older image\n",
-        page);
 }
 
 std::string totals_text(const EepromTotals& totals) {

@@ -47,9 +47,6 @@ int run_eeprom_restore(const EepromOptions& options, const EepromOpener& open);
 [[nodiscard]] std::string doubt_text(const EepromDoubt& doubt);
 [[nodiscard]] JsonObject doubt_json(const EepromDoubt& doubt);
 
-/// Says on standard error which pages noise may have changed unseen, if any.
-void warn_unconfirmed(const EepromTotals& totals);
-
 /// writes, page_selects, retries, repaired, unconfirmed_pages.
 void add_totals(JsonObject& json, const EepromTotals& totals);
 [[nodiscard]] std::string totals_text(const EepromTotals& totals);

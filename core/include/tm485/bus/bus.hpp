@@ -188,7 +188,7 @@ class Bus {
   void slot_passed() noexcept;
   [[nodiscard]] std::expected<Scheduler, CycleRefusal> make_scheduler() const noexcept;
   void begin_due(Time now) noexcept;
-  void send(const Request& request, Kind kind, Time now) noexcept;
+  [[nodiscard]] bool send(const Request& request, Kind kind, Time now) noexcept;
   [[nodiscard]] Errc check_line(Time now) noexcept;
   [[nodiscard]] bool still_leaving(Time now) noexcept;
   [[nodiscard]] Errc check_quiet(Time now) noexcept;
@@ -225,7 +225,7 @@ class Bus {
 
   [[nodiscard]] Time sample_gap() const noexcept { return scheduler_ ? scheduler_->sample_gap() : Time{0}; }
   /// How old a held sample may be at most.
-  [[nodiscard]] Time valid_for() const noexcept { return config_.max_hold + sample_gap(); }
+  [[nodiscard]] Time valid_for() const noexcept { return config_.max_hold + sample_gap() + held_for_; }
   [[nodiscard]] bool may_take_slots(const Request& request) const noexcept;
   void lease(Time now) noexcept;
   [[nodiscard]] Time latch_uncertainty(Time seen) const noexcept;
@@ -250,6 +250,7 @@ class Bus {
   bool arrived_ = false;    ///< the exchange is done, and waits for a clock that was read after it
   bool leaving_ = false;    ///< and when last looked at, its request had not left
   bool announced_ = false;  ///< a sample was published since the request that waits was offered
+  Time held_for_{0};        ///< by which an announced hold has stretched the newest fresh sample
   Time sent_span_{0};       ///< T1 of the last request that the port took, or its exchange if that is longer
   Kind kind_ = Kind::startup;
   std::uint8_t failed_in_a_row_ = 0;

@@ -152,7 +152,7 @@ void Bus<P>::begin_due(Time now) noexcept {
     if (startup_.stage() == StartupStage::quiet) {
       startup_.on_quiet_time(now);
     } else {
-      send(*Request::make(startup_.next_id()), Kind::startup, now);
+      (void)send(*Request::make(startup_.next_id()), Kind::startup, now);
     }
     return;
   }
@@ -167,7 +167,7 @@ void Bus<P>::begin_due(Time now) noexcept {
   if (to_steal_ != 0) --to_steal_;
   resets_in_a_row_ = 0;
   if (cyclic_request_.id() != scheduler_->id()) cyclic_request_ = *Request::make(scheduler_->id());
-  send(cyclic_request_, Kind::cyclic, now);
+  (void)send(cyclic_request_, Kind::cyclic, now);
 }
 
 /// The cyclic slots that it takes fall out; their cycles show the held sample.
@@ -176,17 +176,26 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
   const bool reset = priority_of(request) == Priority::reset_run;
   const bool in_gap = fits(request, now);
   const bool holds = !in_gap && will_hold(request);
+  const bool announced = will_hold(request);
   const Time span = span_of(request);
   if (reset && resets_in_a_row_ < UINT8_MAX) ++resets_in_a_row_;
-  send(request, Kind::background, now);
-  if (hold_ != LineHold::none && stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
-  if (!scheduler_ || hold_ != LineHold::none || in_gap) return;
-  const std::uint32_t taken = scheduler_->give_way(now + span);
-  saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
-  if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
-  if (holds && stale_at_ != kNever) stale_at_ += span;
-  if (stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
-  if (holds) tracker_.announce_hold(Time{0});  // it has begun: later samples announce the next one
+  if (!send(request, Kind::background, now)) {  // nothing is on the line, so nothing has to give way
+    if (announced) tracker_.announce_hold(Time{0});
+    return;
+  }
+  if (scheduler_ && hold_ == LineHold::none && !in_gap) {
+    const std::uint32_t taken = scheduler_->give_way(now + span);
+    saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
+    if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
+    // Once behind each fresh sample: a second hold without one between them does not keep an old sample alive.
+    if (holds && stale_at_ != kNever && held_for_ == Time{0}) {
+      held_for_ = span;
+      stale_at_ += span;
+    }
+  }
+  const bool pauses = scheduler_ ? !in_gap || hold_ != LineHold::none : hold_ != LineHold::none;
+  if (pauses && stale_at_ != kNever) publish(tracker_.hold(now, valid_for()));
+  if (announced) tracker_.announce_hold(Time{0});  // it has begun: later samples announce the next one
 }
 
 /// What waits has waited for one more cyclic slot.
@@ -202,7 +211,7 @@ void Bus<P>::slot_passed() noexcept {
 }
 
 template <Port P>
-void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
+bool Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
   kind_ = kind;
   if (kind == Kind::cyclic) slot_ = scheduler_->slot();
   const Errc obstacle = check_line(now);
@@ -212,21 +221,22 @@ void Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
   exchange_.begin(request, start.value_or(now), *profile_, capability_);
   if (!start) [[unlikely]] {
     // Nothing went out; still keep the distance, so that a broken port is not asked in a tight loop.
-    spacing_.on_start(now, profile_->t1(request));
+    spacing_.on_start(now, std::min(profile_->t1(request), profile_->t1(DataId::everything)));
     if (kind == Kind::cyclic) scheduler_->on_unused(now, statistics_);
     cyclic_start_.reset();
     exchange_.on_fault(start.error());
     finish(now);
-    return;
+    return false;
   }
   settling_ = false;
   leaving_ = false;
   sent_span_ = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
   spacing_.on_start(*start, profile_->t1(request));
-  if (kind != Kind::cyclic) return;
+  if (kind != Kind::cyclic) return true;
   scheduler_->on_start(*start, statistics_);
   if (cyclic_start_) statistics_.t1.add(*start - *cyclic_start_);
   cyclic_start_ = *start;
+  return true;
 }
 
 /// What keeps a request from being sent: noise, a vanished port, or the last request still on its way.

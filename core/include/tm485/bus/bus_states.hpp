@@ -38,6 +38,7 @@ template <Port P>
 void Bus<P>::lease(Time now) noexcept {
   const Time t2_window = profile_->profile().t2_max - profile_->profile().t2_min;
   const Time by_age = latch_time() + fresh_for_;
+  held_for_ = Time{0};
   fresh_until_ = std::min(by_age, now + sample_gap() + capability_.jitter_margin + t2_window);
   stale_at_ = std::min(by_age, now + sample_gap()) + config_.max_hold;
 }
@@ -154,6 +155,7 @@ void Bus<P>::abandon() noexcept {
   exchange_.abandon();
   arrived_ = false;
   tracker_.announce_hold(Time{0});
+  held_for_ = Time{0};
   const auto under_way = sent ? std::optional(priority_of(exchange_.request())) : std::nullopt;
   background_.complete_all(Errc::bad_state, under_way, Errc::abandoned);
   stale_at_ = kNever;

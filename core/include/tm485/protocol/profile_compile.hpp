@@ -69,7 +69,7 @@ inline constexpr Time kLongest = std::chrono::seconds(60);
     return error("power_up_time"sv, "must be 0 to 60 s and not below boot_time_min"sv);
   if (p.reset_count == 0 || !span_ok(p.reset_spacing) || !span_ok(p.reset_zero_settle))
     return error("reset"sv, "count must be 1 or more, times 0 to 60 s"sv);
-  if (p.eeprom_pages == 0 || p.eeprom_pages > 127) return error("eeprom_pages"sv, "must be 1 to 127"sv);
+  if (p.eeprom_pages == 0 || p.eeprom_pages > 32) return error("eeprom_pages"sv, "must be 1 to 32"sv);
   if (p.eeprom_page_bytes == 0 || p.eeprom_page_bytes > 127)
     return error("eeprom_page_bytes"sv, "must be 1 to 127"sv);
   if (!span_ok(p.eeprom_write_time) || !span_ok(p.eeprom_page_time))
