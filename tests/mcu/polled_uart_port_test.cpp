@@ -120,6 +120,34 @@ TEST_F(PolledUartPortTest, ADirectionThatDoesNotReleaseIsNeverSent) {
   refuses_off_ = false;
 }
 
+TEST_F(PolledUartPortTest, ADriverThatStaysOnIsReleasedByALaterCall) {
+  make({.stuck_after = Time{100'000}});
+  std::array<std::uint8_t, 4> buffer{};
+  ASSERT_TRUE(port_->try_send(kRequest, at(0)));
+  refuses_off_ = true;
+  ASSERT_EQ(port_->transmission(at(116'000)).state, State::failed);
+  EXPECT_TRUE(model_->engine().driver());
+  EXPECT_EQ(port_->try_send(kRequest, at(120'000)), std::unexpected(Errc::send_failed));
+  refuses_off_ = false;
+  (void)port_->try_receive(buffer, at(130'000));
+  EXPECT_FALSE(model_->engine().driver());
+  EXPECT_EQ(port_->transmission(at(131'000)).state, State::failed) << "the request was not sent in time";
+  EXPECT_TRUE(port_->try_send(kRequest, at(140'000)));
+}
+
+TEST_F(PolledUartPortTest, ADriverThatStaysOnAfterTheUartIsReleasedByALaterCall) {
+  make({});
+  std::array<std::uint8_t, 4> buffer{};
+  ASSERT_TRUE(port_->try_send(kRequest, at(0)));
+  refuses_off_ = true;
+  model_->vanish();
+  EXPECT_EQ(port_->try_receive(buffer, at(1'000)).fault, Errc::port_gone);
+  EXPECT_TRUE(model_->engine().driver());
+  refuses_off_ = false;
+  EXPECT_EQ(port_->try_send(kRequest, at(2'000)), std::unexpected(Errc::port_gone));
+  EXPECT_FALSE(model_->engine().driver());
+}
+
 TEST_F(PolledUartPortTest, AStuckTransmitterIsGivenUpAndFreesTheLine) {
   make({.stuck_after = Time{100'000}});
   model_->set_stuck(true);

@@ -52,6 +52,7 @@ class PolledUartPort {
     character_ = divisor.character_time;
     state_ = {};
     gone_ = false;
+    stays_on_ = false;
     if (const auto done = uart_.configure(divisor); !done) return done;
     if (!direction_.drive(uart_, false)) return std::unexpected(Errc::send_failed);
     return {};
@@ -61,20 +62,20 @@ class PolledUartPort {
   void stop() noexcept {
     (void)direction_.drive(uart_, false);
     uart_.shut_down();
-    (void)direction_.drive(uart_, false);  // switching off has let go of RTS, whatever that meant
+    release();  // switching off has let go of RTS, whatever that meant
     state_ = {};
   }
 
   [[nodiscard]] PortCapability capability() const noexcept { return config_.capability; }
 
   /// Switches the driver on and starts `request` (1 to 4 bytes) after the lead. Answers the earliest instant of the
-  /// first start bit. Errors: send_failed (wrong length, the request before is still being sent, the direction or the
-  /// transmitter does not obey), port_gone.
+  /// first start bit. Errors: send_failed (wrong length, the request before is still being sent, its driver is still on, the
+  /// direction or the transmitter does not obey), port_gone.
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
+    step(now);
     if (gone_) [[unlikely]]
       return std::unexpected(Errc::port_gone);
-    step(now);
-    if (request.empty() || request.size() > kLongestRequest || busy()) [[unlikely]]
+    if (request.empty() || request.size() > kLongestRequest || busy() || stays_on_) [[unlikely]]
       return std::unexpected(Errc::send_failed);
     if (state_.state == State::failed && !uart_.transmitter_idle()) [[unlikely]]
       return std::unexpected(Errc::send_failed);
@@ -102,9 +103,9 @@ class PolledUartPort {
 
   /// What the receiver has, in order. Faults: overrun, framing_error (a break too), port_gone.
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
+    step(now);
     if (gone_) [[unlikely]]
       return {.fault = Errc::port_gone};
-    step(now);
     Reception reception;
     while (reception.count < buffer.size()) {
       const ReceivedCharacter character = uart_.try_read();
@@ -135,8 +136,13 @@ class PolledUartPort {
   [[nodiscard]] bool busy() const noexcept { return state_.state == State::sending; }
 
   void step(Time now) noexcept {
+    if (stays_on_) [[unlikely]]
+      release();
     if (busy()) advance(now);
   }
+
+  /// Takes the driver off the line; if the direction refuses, the next call tries again.
+  void release() noexcept { stays_on_ = !direction_.drive(uart_, false); }
 
   void advance(Time now) noexcept {
     if (leading_) {
@@ -170,13 +176,13 @@ class PolledUartPort {
 
   /// Whatever went wrong, the line must not stay occupied.
   void fail() noexcept {
-    (void)direction_.drive(uart_, false);
+    release();
     state_ = {State::failed, Errc::send_failed};
   }
 
   void mark_gone() noexcept {
     gone_ = true;
-    (void)direction_.drive(uart_, false);
+    release();
     state_ = {State::failed, Errc::port_gone};
   }
 
@@ -187,6 +193,7 @@ class PolledUartPort {
   Transmission state_;
   bool leading_ = false;
   bool gone_ = false;
+  bool stays_on_ = false;  ///< the direction has refused to take the driver off the line
   std::uint8_t count_ = 0;
   std::uint8_t written_ = 0;
   std::array<std::uint8_t, kLongestRequest> request_{};
