@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -210,6 +211,36 @@ TEST_F(MmioUartTest, ClosesAsItShould) {
     EXPECT_EQ(reg(0x30), 0x301U);
   }
   EXPECT_EQ(reg(0x30), 0U);
+}
+
+TEST_F(MmioUartTest, AfterClosingTheSameProgramCanOpenItAgain) {
+  MmioOptions gpio = options();
+  const auto line = std::make_shared<bool>(false);
+  gpio.direction = {MmioDirection::Kind::call, [line](bool on) {
+                      *line = on;
+                      return true;
+                    }};
+  auto port = MmioUart::open(gpio);
+  gpio.direction = {};
+  ASSERT_TRUE(port) << port.error().message();
+  ASSERT_TRUE(port->try_send(kRequest, Time{0}));
+  EXPECT_TRUE(*line);
+  const PortCapability held = port->capability();
+  port->close();
+  EXPECT_FALSE(*line);
+  EXPECT_EQ(line.use_count(), 1) << "what switches the driver is free for the next one";
+  EXPECT_EQ(reg(0x30), 0U);
+  std::array<std::uint8_t, 4> buffer{};
+  EXPECT_EQ(port->try_send(kRequest, Time{0}), std::unexpected(Errc::port_gone));
+  EXPECT_EQ(port->transmission(Time{0}).state, Transmission::State::failed);
+  EXPECT_EQ(port->transmission(Time{0}).fault, Errc::port_gone);
+  EXPECT_EQ(port->try_receive(buffer, Time{0}).fault, Errc::port_gone);
+  EXPECT_EQ(port->capability().release_bound, held.release_bound);
+  port->close();
+  auto again = MmioUart::open(options());
+  ASSERT_TRUE(again) << again.error().message();
+  *port = std::move(*again);
+  EXPECT_TRUE(port->try_send(kRequest, Time{0}));
 }
 
 TEST_F(MmioUartTest, OneUartHasOneUser) {

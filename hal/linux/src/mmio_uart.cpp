@@ -148,6 +148,12 @@ MmioUart& MmioUart::operator=(MmioUart&& other) noexcept {
   return *this;
 }
 
+void MmioUart::close() noexcept {
+  stop();
+  mapping_ = MemoryMapping();
+  with([](auto& port) { port.direction() = MmioDirection(); });
+}
+
 void MmioUart::stop() noexcept {
   if (mapping_.valid()) with([](auto& port) { port.stop(); });
 }

@@ -103,7 +103,11 @@ class MmioUart {
   /// is bound.
   ~MmioUart() { stop(); }
 
-  // The port.
+  /// Takes the driver off the line, switches the UART off, unmaps it and lets go of what switches the driver, so that
+  /// the same UART can be opened again. From then on every function of the port answers port_gone. Owner; system calls.
+  void close() noexcept;
+
+  // The port. After close() port_gone, and the capability that it had.
   /// Limited by T1 only, 5 us of jitter, replies handed out within 100 us: what a loop that spins on a core of its own
   /// holds. Release: 0 with an automatic transceiver; otherwise one pass of the loop, stated as 5 us and best effort,
   /// since that is after T2 min, unless `release_bound` says better. No wire timestamps.
@@ -111,12 +115,18 @@ class MmioUart {
     return with([](const auto& port) { return port.capability(); });
   }
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
+    if (!mapping_.valid()) [[unlikely]]
+      return std::unexpected(Errc::port_gone);
     return with([&](auto& port) { return port.try_send(request, now); });
   }
   [[nodiscard]] Transmission transmission(Time now) noexcept {
+    if (!mapping_.valid()) [[unlikely]]
+      return {Transmission::State::failed, Errc::port_gone};
     return with([&](auto& port) { return port.transmission(now); });
   }
   [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
+    if (!mapping_.valid()) [[unlikely]]
+      return {.fault = Errc::port_gone};
     return with([&](auto& port) { return port.try_receive(buffer, now); });
   }
 
