@@ -201,6 +201,7 @@ ssize_t FakeTty::on_write(int, std::span<const std::byte> bytes) {
   if (unplugged_ || broken_) return -EIO;
   if (const int error = take(write_failure_); error != 0) return error;
   const std::size_t count = std::min(bytes.size(), write_limit);
+  if (fills_up_) write_limit -= count;
   if (count == 0) return -EAGAIN;
   std::vector<std::uint8_t> taken;
   for (const std::byte byte : bytes.first(count)) taken.push_back(std::to_integer<std::uint8_t>(byte));

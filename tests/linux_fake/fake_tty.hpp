@@ -42,6 +42,11 @@ class FakeTty : public FakeDevice {
   void fail_read(int error_number, int times = 1);
   void fail_write(int error_number, int times = 1);
   std::size_t write_limit = SIZE_MAX;  ///< bytes that one write takes at most; 0: EAGAIN
+  /// As a buffer with room for `count` bytes: the writes after that get EAGAIN.
+  void take_no_more_after(std::size_t count) {
+    write_limit = count;
+    fills_up_ = true;
+  }
 
   /// How often TIOCOUTQ still tells of queued bytes after a write, and after that how often the transmitter is not empty.
   int outq_polls = 0;
@@ -109,6 +114,7 @@ class FakeTty : public FakeDevice {
   Failure read_failure_, write_failure_;
   std::deque<std::byte> received_;
   std::vector<std::uint8_t> written_;
+  bool fills_up_ = false;  ///< write_limit is what is left of the room
   bool unplugged_ = false, broken_ = false, exclusive_ = false;
   int open_count_ = 0, outq_left_ = 0, lsr_left_ = 0;
   int reads_ = 0, writes_ = 0, calls_ = 0;

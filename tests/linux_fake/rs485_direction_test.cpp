@@ -42,6 +42,7 @@ class LoggingTty : public FakeTty {
       log_.emplace_back("empty");
       told_ = true;
     }
+    if (request == TCFLSH) log_.emplace_back("flush");
     return result;
   }
 
@@ -256,7 +257,29 @@ TEST_F(GpioDirectionTest, AWriteThatFailsReleasesTheLine) {
   ASSERT_TRUE(port);
   tty_.write_limit = 0;
   EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::send_failed));
-  EXPECT_THAT(log_, ElementsAre("line 3 high", "write failed", "line 3 low"));
+  EXPECT_THAT(log_, ElementsAre("line 3 high", "write failed", "flush", "line 3 low"));
+}
+
+TEST_F(GpioDirectionTest, ARequestOfWhichAPartWasTakenIsDroppedBeforeTheRelease) {
+  tty_.take_no_more_after(2);
+  auto port = open_port();
+  ASSERT_TRUE(port);
+  EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::send_failed));
+  EXPECT_EQ(tty_.written().size(), 2U);
+  ASSERT_GE(log_.size(), 3U);
+  EXPECT_EQ(log_[log_.size() - 2], "flush") << "the bytes must not leave after the release";
+  EXPECT_EQ(log_.back(), "line 3 low");
+}
+
+TEST_F(KernelDirectionTest, ARequestOfWhichAPartWasTakenIsDropped) {
+  StreamPort port = open_stream();
+  tty_.take_no_more_after(0);
+  EXPECT_EQ(port.try_send(kFour, Time{0}), std::unexpected(Errc::send_failed));
+  EXPECT_EQ(tty_.ioctls(TCFLSH), 0) << "there is nothing to drop";
+  tty_.take_no_more_after(2);
+  EXPECT_EQ(port.try_send(kFour, Time{0}), std::unexpected(Errc::send_failed));
+  EXPECT_EQ(tty_.written().size(), 2U);
+  EXPECT_EQ(tty_.ioctls(TCFLSH), 1);
 }
 
 TEST_F(GpioDirectionTest, APortThatIsUnpluggedWhileSendingReleasesTheLine) {
@@ -332,6 +355,24 @@ TEST_F(ReopenTest, AfterUnpluggingTheNewDeviceGetsTheMode) {
   kernel_.add(kPath, again);
   ASSERT_TRUE(port->reopen());
   EXPECT_NE(again.rs485().flags & SER_RS485_ENABLED, 0U);
+}
+
+TEST_F(ReopenTest, NothingIsSentWithoutTheModeThatWasAskedFor) {
+  LoggingTty without(log_);
+  tty_.has_rs485 = true;
+  auto port = open_serial(DirectionKind::kernel);
+  ASSERT_TRUE(port) << port.error().message();
+  tty_.unplug();
+  kernel_.add(kPath, without);
+  EXPECT_FALSE(port->reopen()) << "this driver has no such mode";
+  EXPECT_TRUE(port->gone());
+  EXPECT_EQ(port->try_send(kFour, Time{0}), std::unexpected(Errc::port_gone));
+  EXPECT_TRUE(without.written().empty());
+  EXPECT_EQ(port->try_receive(buffer_, Time{0}).fault, Errc::port_gone);
+  EXPECT_EQ(kernel_.open_descriptors(), 0U) << "the device can be unplugged again";
+  without.has_rs485 = true;
+  ASSERT_TRUE(port->reopen());
+  EXPECT_TRUE(port->try_send(kFour, Time{0}));
 }
 
 TEST_F(ReopenTest, ALineThatVanishesIsAPortThatIsGoneUntilItIsBack) {

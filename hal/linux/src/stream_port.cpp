@@ -68,6 +68,9 @@ std::expected<Time, Errc> StreamPort::try_send(std::span<const std::uint8_t> req
     // Part of a request is of no use: try to complete it. One of which nothing has left is better dropped.
     if (!is_full_or_empty(error_number) || rest.size() == request.size()) break;
   }
+  // The part that a tty has taken must not leave by itself; what a socket has taken is at the other end.
+  if (!rest.empty() && rest.size() != request.size() && kind_ == StreamKind::tty)
+    (void)ioctl(fd_.get(), TCFLSH, TCOFLUSH);
   if (!rest.empty() || request.empty()) return std::unexpected(fail_send(Errc::send_failed));
   transmission_ = {Transmission::State::sending, Errc::ok};
   request_span_ = character_ * static_cast<std::int64_t>(request.size());

@@ -87,6 +87,10 @@ class DirectedPort {
   /// not there any more. Where this program
   /// switches: stays for the request's time on the line and `release_wait` at most.
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
+    if (line_gone_) [[unlikely]] {
+      (void)settle();
+      return std::unexpected(Errc::port_gone);
+    }
     if (!direction_.by_software()) return port_.try_send(request, now);
     if (driving_ && !settle()) return std::unexpected(obstacle());
     offset_ = now - clock_.now();
@@ -99,6 +103,7 @@ class DirectedPort {
     const auto start = port_.try_send(request, at());
     if (!start) {
       transmission_ = {Transmission::State::failed, start.error()};
+      discard_output(port_.descriptor());  // what the port may have taken must not leave after the release
       (void)release();
       return start;
     }
@@ -146,19 +151,23 @@ class DirectedPort {
   void let_go() noexcept {
     direction_.let_go();
     if constexpr (requires(P& port) { port.close(); }) port_.close();
+    line_gone_ = true;
     driving_ = false;
     transmission_ = {};
   }
 
   /// As that of the port, with the direction made ready for the new descriptor. Errors: those of both; the port is
-  /// closed or without direction control then, and the next reopen() tries all of it again. Owner; allocates.
+  /// closed then, and the next reopen() tries all of it again. Owner; allocates.
   [[nodiscard]] std::expected<void, OsError> reopen()
     requires requires(P& port) { port.reopen(); }
   {
     let_go();
     if (auto opened = port_.reopen(); !opened) return opened;
     auto ready = direction_.open_again(port_.descriptor());
-    line_gone_ = !ready;
+    if (ready)
+      line_gone_ = false;
+    else
+      let_go();
     return ready;
   }
 

@@ -37,7 +37,8 @@ class StreamPort {
 
   /// Hands the whole request to the kernel, as a rule in one write(). Answers `now`: an estimate of the first
   /// start bit, the earliest that it can be. Errors: send_failed (empty request, or the kernel has no room:
-  /// what it has not taken is dropped), port_gone. At most kSendAttempts system calls.
+  /// what it has not taken is dropped, on a tty what it has taken too), port_gone. At most kSendAttempts system calls
+  /// and one.
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept;
 
   /// `sent` once the characters' time has passed since try_send() and, on a tty, neither the driver's buffer nor the
