@@ -1,9 +1,12 @@
 // The text form of a memory-mapped UART, and the command on a file that stands for physical memory.
 #include <gmock/gmock.h>
 
+#include <array>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 
+#include "any_port.hpp"
 #include "mmio_text.hpp"
 #include "process.hpp"
 
@@ -110,6 +113,32 @@ TEST(MmioPort, WhatCannotBeOpenedIsNamed) {
   EXPECT_EQ(text.exit_code, 2);
   EXPECT_THAT(text.err, HasSubstr("tm485: bad_port:"));
   EXPECT_THAT(text.err, HasSubstr("mmio:pl011@ADDRESS"));
+}
+
+TEST(MmioPort, AUartThatWasGoneIsOpenedAgainByTheSameProgram) {
+  const TemporaryFolder folder;
+  const std::string memory = silent_pl011(folder);
+  const auto answer = [&memory](const char* flags) {
+    std::fstream file(memory, std::ios::binary | std::ios::in | std::ios::out);
+    file.seekp(0x1018);
+    file.write(flags, 4);
+  };
+  auto port = cli::AnyPort::open("mmio:pl011@0x1000,clock=48MHz,memory=" + memory, 2'500'000, false);
+  ASSERT_TRUE(port) << port.error().cause;
+  answer("\xFF\xFF\xFF\xFF");  // as a bus on which nobody answers any more
+  std::array<std::uint8_t, 4> buffer{0x1A};
+  ASSERT_EQ(port->try_receive(buffer, Time{0}).fault, Errc::port_gone);
+  EXPECT_TRUE(port->gone());
+  std::filesystem::rename(memory, memory + ".away");
+  EXPECT_FALSE(port->reopen());
+  EXPECT_TRUE(port->gone());
+  EXPECT_EQ(port->try_send(buffer, Time{0}), std::unexpected(Errc::port_gone));
+  std::filesystem::rename(memory + ".away", memory);
+  answer("\x90\x00\x00\x00");
+  const auto opened = port->reopen();
+  ASSERT_TRUE(opened) << opened.error().cause;
+  EXPECT_FALSE(port->gone());
+  EXPECT_TRUE(port->try_send(buffer, Time{0}));
 }
 
 TEST(MmioDirection, IsAGpioLineOrRtsAndNotTheKernels) {

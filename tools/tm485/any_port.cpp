@@ -98,7 +98,7 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_serial(const std::string&
   auto port = linux_hal::SerialPort::open(path, options);
   if (!port) return std::unexpected(open_problem(port.error()));
   if (direction.kind == linux_hal::DirectionKind::automatic) return std::move(*port);
-  auto control = linux_hal::Rs485Direction::open(direction, port->descriptor(), path);
+  auto control = linux_hal::Rs485Direction::open(direction, port->descriptor(), port->reopen_path());
   if (!control) return std::unexpected(open_problem(control.error()));
   linux_hal::DirectedOptions directed;
   directed.bit_rate = bit_rate;
@@ -180,21 +180,27 @@ std::string AnyPort::default_profile(const std::string& text) {
 }
 
 std::expected<void, Problem> AnyPort::reopen() {
-  if (auto* const serial = std::get_if<linux_hal::SerialPort>(&port_)) {
-    if (const auto opened = serial->reopen(); !opened) return std::unexpected(open_problem(opened.error()));
-    gone_ = false;
-    return {};
-  }
-  // What holds a GPIO line must let go of it before the same line is asked for again.
-  std::string text = text_;
-  if (Directed* const directed = std::get_if<Directed>(&port_)) {
-    text = directed->port().reopen_path();
-    directed->let_go();
-  }
-  auto port = open_variant(text, bit_rate_, direction_, any_chip_);
+  const auto opened = std::visit(
+      [this](auto& port) -> std::expected<void, Problem> {
+        if constexpr (requires { port.reopen(); }) {
+          if (const auto again = port.reopen(); !again) return std::unexpected(open_problem(again.error()));
+          return {};
+        } else {
+          return replace(port);
+        }
+      },
+      port_);
+  if (opened) gone_ = false;
+  return opened;
+}
+
+template <class P>
+std::expected<void, Problem> AnyPort::replace(P& old) {
+  // What locks a device or holds a GPIO line must let go of it before the same one is asked for again.
+  if constexpr (requires { old.close(); }) old.close();
+  auto port = open_variant(text_, bit_rate_, direction_, any_chip_);
   if (!port) return std::unexpected(std::move(port.error()));
   port_ = std::move(*port);
-  gone_ = false;
   return {};
 }
 

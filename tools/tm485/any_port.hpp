@@ -102,6 +102,10 @@ class AnyPort {
       const std::string& path, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction,
       bool any_chip);
 
+  /// Closes the port that is there and puts one of the same text in its place.
+  template <class P>
+  [[nodiscard]] std::expected<void, Problem> replace(P& old);
+
   std::string text_;
   std::uint32_t bit_rate_;
   bool virtual_time_;
