@@ -1,5 +1,6 @@
 // tm485 bench: its histograms in JSON and as a picture.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -75,10 +76,29 @@ TEST(Bench, APictureThatCannotBeIsRefusedBeforeTheRun) {
   }
 }
 
-TEST(Bench, APictureThatFailsIsSaidAfterTheFigures) {
+TEST(Bench, ALinkKeepsLeadingToThePictureAndADeviceIsNoPicture) {
   const TemporaryFolder folder;
-  std::filesystem::create_symlink("/dev/full", folder.path("bench.svg"));
-  const Finished finished = bench({"--plot", folder.path("bench.svg")});
+  const std::string picture = folder.write("picture", "an old picture");
+  const std::string link = folder.path("bench.svg");
+  std::filesystem::create_symlink(picture, link);
+  EXPECT_EQ(bench({"--plot", link}).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::is_symlink(link));
+  EXPECT_NE(read_file(picture).find("</svg>"), std::string::npos);
+  const std::string pipe = folder.path("pipe.svg");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const Finished finished = bench({"--plot", pipe});
+  EXPECT_EQ(finished.exit_code, 2);
+  EXPECT_NE(finished.err.find("bad_plot"), std::string::npos) << finished.err;
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+}
+
+TEST(Bench, APictureThatFailsIsSaidAfterTheFiguresAndLeavesTheOldOne) {
+  const TemporaryFolder folder;
+  // The longest name that a file may have: none is left for the one beside it.
+  const std::string name = std::string(251, 'x') + ".svg";
+  const std::string picture = folder.write(name, "an old picture");
+  const Finished finished = bench({"--plot", picture});
+  EXPECT_EQ(read_file(picture), "an old picture");
   EXPECT_EQ(finished.exit_code, 1);
   EXPECT_NE(finished.err.find("plot_failed"), std::string::npos) << finished.err;
   EXPECT_NE(finished.out.find("round trip"), std::string::npos);

@@ -9,11 +9,14 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <string_view>
+#include <system_error>
 
 #include "plot_axis.hpp"
+#include "safe_file.hpp"
 
 namespace tm485::cli {
 namespace {
@@ -286,8 +289,14 @@ void draw_all(Pen& pen, const Plot& plot) {
 
 bool is_svg(const std::string& path) { return path.ends_with(".svg"); }
 
-Problem failed(const std::string& path, cairo_status_t status) {
-  return {"plot_failed", fmt::format("cannot draw {}: {}", path, cairo_status_to_string(status)),
+/// Takes what cairo has drawn.
+cairo_status_t append(void* picture, const unsigned char* bytes, unsigned count) {
+  static_cast<std::string*>(picture)->append(reinterpret_cast<const char*>(bytes), count);
+  return CAIRO_STATUS_SUCCESS;
+}
+
+Problem failed(const std::string& path, std::string_view why) {
+  return {"plot_failed", fmt::format("cannot draw {}: {}", path, why),
           "check the folder and the space on its disk", kExitFailure};
 }
 
@@ -297,15 +306,18 @@ std::expected<void, Problem> check_plot_file(const std::string& path) {
   if (!path.ends_with(".png") && !is_svg(path))
     return std::unexpected(usage_problem("bad_plot", fmt::format("--plot {}: neither .png nor .svg", path),
                                          "give a name that ends in .png or .svg"));
+  const auto refusal = [&path](std::string_view why) {
+    return std::unexpected(usage_problem("bad_plot", fmt::format("--plot {}: {}", path, why),
+                                         "choose a file in a folder that exists and that you may write"));
+  };
   namespace fs = std::filesystem;
-  const fs::path parent = fs::path(path).parent_path();
-  const std::string folder = parent.empty() ? "." : parent.string();
-  std::error_code ignored;
-  const bool replaces = fs::exists(path, ignored);
-  if (::access(replaces ? path.c_str() : folder.c_str(), W_OK) != 0 || fs::is_directory(path, ignored))
-    return std::unexpected(usage_problem(
-        "bad_plot", fmt::format("--plot {}: {}", path, errno != 0 ? std::strerror(errno) : "it is a folder"),
-        "choose a file in a folder that exists and that you may write"));
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(fs::absolute(path, error), error);  // where a link leads
+  if (error) return refusal(error.message());
+  const bool replaces = fs::exists(real, error);
+  if (replaces && !fs::is_regular_file(real, error)) return refusal("it is not a regular file");
+  for (const fs::path& needed : {real.parent_path(), replaces ? real : real.parent_path()})
+    if (::access(needed.c_str(), W_OK) != 0) return refusal(std::generic_category().message(errno));
   return {};
 }
 
@@ -314,8 +326,9 @@ std::expected<void, Problem> draw(const Plot& plot, const std::string& path) {
   const double height = height_of(plot);
   const bool svg = is_svg(path);
   constexpr double kPixels = 1.5;  // of a PNG a point
+  std::string picture;             // outlives the surface, which writes into it
   const Surface surface(
-      svg ? cairo_svg_surface_create(path.c_str(), kWidth, height)
+      svg ? cairo_svg_surface_create_for_stream(append, &picture, kWidth, height)
           : cairo_image_surface_create(CAIRO_FORMAT_RGB24, static_cast<int>(kWidth * kPixels),
                                        static_cast<int>(height * kPixels)),
       cairo_surface_destroy);
@@ -330,9 +343,11 @@ std::expected<void, Problem> draw(const Plot& plot, const std::string& path) {
     cairo_surface_finish(surface.get());
     if (status == CAIRO_STATUS_SUCCESS) status = cairo_surface_status(surface.get());
   } else if (status == CAIRO_STATUS_SUCCESS) {
-    status = cairo_surface_write_to_png(surface.get(), path.c_str());
+    status = cairo_surface_write_to_png_stream(surface.get(), append, &picture);
   }
-  if (status != CAIRO_STATUS_SUCCESS) return std::unexpected(failed(path, status));
+  if (status != CAIRO_STATUS_SUCCESS) return std::unexpected(failed(path, cairo_status_to_string(status)));
+  if (const auto replaced = replace_file(path, picture); !replaced)
+    return std::unexpected(failed(path, replaced.error().cause));
   return {};
 }
 

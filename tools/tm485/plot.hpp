@@ -29,10 +29,11 @@ struct Plot {
   std::vector<PlotSeries> series;
 };
 
-/// Problem bad_plot (exit code 2): the name ends in neither .png nor .svg, or its folder cannot be written.
+/// Problem bad_plot (exit code 2): the name ends in neither .png nor .svg, its folder cannot be written, or what is there is
+/// not a regular file.
 [[nodiscard]] std::expected<void, Problem> check_plot_file(const std::string& path);
 
-/// Draws it; an existing file is replaced. Problem: plot_failed (exit code 1).
+/// Draws it; an existing file is replaced at the end, whole. Problem: plot_failed (exit code 1).
 [[nodiscard]] std::expected<void, Problem> draw(const Plot& plot, const std::string& path);
 
 }  // namespace tm485::cli

@@ -103,6 +103,8 @@ std::expected<std::string, Problem> read_whole_file(const std::string& path, std
 
 std::expected<void, Problem> replace_file(const std::string& path, std::string_view content) {
   const std::string real = without_links(path);
+  if (struct stat status{}; ::stat(real.c_str(), &status) == 0 && !S_ISREG(status.st_mode))
+    return std::unexpected(file_problem("writing", path, "it is not a regular file", kExitFailure));
   const std::string fresh = fmt::format("{}.{}.new", real, ::getpid());
   if (!write_beside(fresh, content)) return std::unexpected(system_problem("writing", path, kExitFailure));
   if (::rename(fresh.c_str(), real.c_str()) != 0) {
