@@ -46,6 +46,19 @@ TEST(Doctor, SaysThatAHealthyPortIsHealthy) {
   EXPECT_NE(finished.out.find("healthy: nothing found"), std::string::npos) << finished.out;
 }
 
+TEST(Doctor, TheLatencyAllowanceIsAnOption) {
+  const Json json = Json::parse(run({"doctor", "--json", "sim:", "--latency", "7ms"}).out);
+  EXPECT_NE(check(json, "port").at("detail").get<std::string>().find("latency allowance 7ms"),
+            std::string::npos)
+      << json;
+  for (const char* wrong : {"7", "11s", "soon"}) {
+    const Finished finished = run({"doctor", "sim:", "--latency", wrong});
+    EXPECT_EQ(finished.exit_code, 2) << wrong;
+    EXPECT_NE(finished.err.find("tm485: bad_latency:"), std::string::npos) << finished.err;
+    EXPECT_EQ(finished.out, "");
+  }
+}
+
 TEST(Doctor, TheFiguresAreThoseOfTheLine) {
   const Json json = Json::parse(run({"doctor", "--json", "sim:t2=3us..3.5us,release=300ns"}).out);
   EXPECT_EQ(check(json, "direction").at("detail"), "driver off the line within 300ns");

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "open_port.hpp"
 #include "profile_file.hpp"
 #include "quantity.hpp"
 #include "stop_signal.hpp"
@@ -71,21 +72,6 @@ std::expected<CompiledProfile, Problem> profile_for(const PortOptions& options) 
   return CompiledProfile::compile(with_echo).value_or(*profile);
 }
 
-/// An allowance beyond this would only hide an encoder that is silent.
-constexpr Time kLongestLatency = std::chrono::seconds(10);
-
-std::expected<void, Problem> set_latency(AnyPort& port, const std::string& text) {
-  if (text.empty()) return {};
-  const auto latency = parse_time(text, PlainNumber::refused);
-  if (latency && *latency <= kLongestLatency) {
-    port.set_latency_allowance(*latency);
-    return {};
-  }
-  return std::unexpected(usage_problem(
-      "bad_latency", fmt::format("--latency {}: {}", text, latency ? "it is above 10 s" : latency.error()),
-      "write a time such as 100ms"));
-}
-
 BusConfig bus_config(const SessionOptions& options, const AxisConfig& axis, Time period) {
   BusConfig config;
   config.cycle = std::nullopt;
@@ -110,11 +96,8 @@ Session::Session(AnyPort port, const CompiledProfile& profile, const SessionOpti
 std::expected<std::unique_ptr<Session>, Problem> Session::open(const SessionOptions& options) {
   const auto profile = profile_for(options.port);
   if (!profile) return std::unexpected(profile.error());
-  auto port = AnyPort::open(options.port.port, profile->profile().bit_rate, options.virtual_time,
-                            options.port.direction, options.port.any_chip);
+  auto port = open_port(options.port, profile->profile().bit_rate, options.virtual_time);
   if (!port) return std::unexpected(std::move(port.error()));
-  if (auto set = set_latency(*port, options.port.latency); !set)
-    return std::unexpected(std::move(set.error()));
   for (const Problem& warning : port->warnings()) report(warning);
   return begin(std::move(*port), *profile, options);
 }

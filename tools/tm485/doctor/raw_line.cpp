@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "open_port.hpp"
 #include "stop_signal.hpp"
 #include "tm485/protocol/layout.hpp"
 
@@ -22,7 +23,7 @@ bool is_simulated(const std::string& text) { return text == "sim" || text.starts
 std::expected<void, Problem> RawLine::open(const PortOptions& options, std::uint32_t bit_rate) {
   port_.reset();  // first: a serial line is opened exclusively
   simulated_ = is_simulated(options.port);
-  auto opened = AnyPort::open(options.port, bit_rate, simulated_, options.direction);
+  auto opened = open_port(options, bit_rate, simulated_);
   if (!opened) return std::unexpected(std::move(opened.error()));
   port_.emplace(std::move(*opened));
   capability_ = port_->capability();

@@ -41,7 +41,7 @@ class RawLine {
   RawLine(const RawLine&) = delete;
   RawLine& operator=(const RawLine&) = delete;
 
-  /// Closes the port that was open, if one was, and opens it at a rate. Problems: those of AnyPort::open.
+  /// Closes the port that was open, if one was, and opens it at a rate. Problems: those of open_port().
   [[nodiscard]] std::expected<void, Problem> open(const PortOptions& options, std::uint32_t bit_rate);
 
   /// Sends, and listens until `enough` bytes have come or nothing more can. T1 since the request before has passed when
