@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -87,12 +88,12 @@ class AnyPort {
   using Variant =
       std::variant<Simulated, linux_hal::SerialPort, Directed, linux_hal::UnixPort, linux_hal::MmioUart>;
 
-  AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time,
-          const linux_hal::DirectionConfig& direction, bool any_chip, Variant port)
+  AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time, linux_hal::DirectionConfig direction,
+          bool any_chip, Variant port)
       : text_(std::move(text)),
         bit_rate_(bit_rate),
         virtual_time_(virtual_time),
-        direction_(direction),
+        direction_(std::move(direction)),
         any_chip_(any_chip),
         port_(std::move(port)) {}
   [[nodiscard]] static std::expected<Variant, Problem> open_variant(
