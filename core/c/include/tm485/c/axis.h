@@ -16,9 +16,9 @@ extern "C" {
 
 /* An axis, in storage of the caller's. It must stay where it is. */
 #if UINTPTR_MAX > 0xFFFFFFFFu
-#define TM485_AXIS_SIZE 6016
+#define TM485_AXIS_SIZE 6080
 #else
-#define TM485_AXIS_SIZE 5952
+#define TM485_AXIS_SIZE 6016
 #endif
 #define TM485_AXIS_ALIGNMENT 64
 typedef union tm485_axis {

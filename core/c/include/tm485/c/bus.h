@@ -22,9 +22,9 @@ extern "C" {
 
 /* A bus, in storage of the caller's. It must stay where it is. */
 #if UINTPTR_MAX > 0xFFFFFFFFu
-#define TM485_BUS_SIZE 2304
+#define TM485_BUS_SIZE 2368
 #else
-#define TM485_BUS_SIZE 2304
+#define TM485_BUS_SIZE 2368
 #endif
 #define TM485_BUS_ALIGNMENT 64
 typedef union tm485_bus {

@@ -26,7 +26,7 @@ struct LineCounters {
             framing_errors - before.framing_errors, parity_errors - before.parity_errors,
             breaks - before.breaks};
   }
-  /// The cause of a failed reply during which these were counted: overrun (characters are missing), framing_error (the
+  /// The cause of a failed reply, if these were counted since the last look: overrun (characters are missing), framing_error (the
   /// line was disturbed), or ok (none was counted).
   [[nodiscard]] constexpr Errc cause() const noexcept {
     if (overruns != 0 || buffer_overruns != 0) return Errc::overrun;
