@@ -179,6 +179,16 @@ std::string AnyPort::default_profile(const std::string& text) {
   return std::string(profile);
 }
 
+template <class P>
+std::expected<void, Problem> AnyPort::replace(P& old) {
+  // What locks a device or holds a GPIO line must let go of it before the same one is asked for again.
+  if constexpr (requires { old.close(); }) old.close();
+  auto port = open_variant(text_, bit_rate_, direction_, any_chip_);
+  if (!port) return std::unexpected(std::move(port.error()));
+  port_ = std::move(*port);
+  return {};
+}
+
 std::expected<void, Problem> AnyPort::reopen() {
   const auto opened = std::visit(
       [this](auto& port) -> std::expected<void, Problem> {
@@ -192,16 +202,6 @@ std::expected<void, Problem> AnyPort::reopen() {
       port_);
   if (opened) gone_ = false;
   return opened;
-}
-
-template <class P>
-std::expected<void, Problem> AnyPort::replace(P& old) {
-  // What locks a device or holds a GPIO line must let go of it before the same one is asked for again.
-  if constexpr (requires { old.close(); }) old.close();
-  auto port = open_variant(text_, bit_rate_, direction_, any_chip_);
-  if (!port) return std::unexpected(std::move(port.error()));
-  port_ = std::move(*port);
-  return {};
 }
 
 std::vector<Problem> AnyPort::warnings() const {

@@ -46,6 +46,7 @@ std::vector<std::string> chip_paths(const std::string& folder) {
   }
   std::ranges::sort(found);
   std::vector<std::string> paths;
+  paths.reserve(found.size());
   for (auto& [number, path] : found) paths.push_back(std::move(path));
   return paths;
 }

@@ -109,7 +109,7 @@ PortIdentity identify_port(const std::string& path, const SystemPaths& system) {
   if (hardware.empty()) return identity;
   identity.driver = driver_above(hardware);
   identity.kernel_console = read_line(tty / "console") == "Y";
-  if (const auto timer = read_number(hardware / "latency_timer")) identity.latency_timer_ms = *timer;
+  identity.latency_timer_ms = read_number(hardware / "latency_timer");
   if (const fs::path usb = usb_device_above(hardware); !usb.empty())
     read_usb(usb, identity);
   else
@@ -165,7 +165,7 @@ PortLimits port_limits(const PortIdentity& identity, std::uint32_t bit_rate) noe
   }
   // The longest exchange (1 + 11 characters, T2 of 3 us), the receive time-out that follows the last character, and
   // what kernel and caller take: 15 us to hand it over, 20 us to begin anew.
-  constexpr std::int64_t kBits = 12 * 10;
+  constexpr std::int64_t kBits = 120;  // 12 characters
   constexpr unsigned kUsualTimeout = 40;
   const unsigned timeout = identity.timeout_bits == 0 ? kUsualTimeout : identity.timeout_bits;
   const Time wire{(kBits + timeout) * 1'000'000'000 / std::int64_t{bit_rate}};

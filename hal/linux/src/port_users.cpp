@@ -3,10 +3,16 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <set>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <system_error>
 
 #include "system_files.hpp"
 
@@ -15,11 +21,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
+template <class Number>
+std::optional<Number> number_of(std::string_view text, int base = 10) {
+  Number value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
 /// 0 if the folder's name is no number.
 int process_of(const fs::path& folder) {
   const std::string name = folder.filename().string();
   if (name.empty() || name.find_first_not_of("0123456789") != std::string::npos) return 0;
-  return std::atoi(name.c_str());
+  return number_of<int>(name).value_or(0);
 }
 
 void add_who_has_it_open(const fs::path& device, std::set<int>& processes) {
@@ -43,12 +57,17 @@ void add_who_has_locked_it(const fs::path& device, std::set<int>& processes) {
   if (::stat(device.c_str(), &status) != 0) return;
   std::ifstream locks("/proc/locks");
   for (std::string line; std::getline(locks, line);) {
-    int pid = 0;
-    unsigned first = 0;
-    unsigned second = 0;
-    unsigned long inode = 0;
-    if (std::sscanf(line.c_str(), "%*s FLOCK %*s %*s %d %x:%x:%lu", &pid, &first, &second, &inode) != 4)
-      continue;
+    std::istringstream words(line);
+    std::string number, kind, advisory, access, process, place;
+    if (!(words >> number >> kind >> advisory >> access >> process >> place) || kind != "FLOCK") continue;
+    const std::size_t colon = place.find(':');
+    const std::size_t last = place.rfind(':');
+    if (colon == std::string::npos || last == colon) continue;
+    const std::string_view parts = place;
+    const auto first = number_of<unsigned>(parts.substr(0, colon), 16);
+    const auto second = number_of<unsigned>(parts.substr(colon + 1, last - colon - 1), 16);
+    const auto inode = number_of<unsigned long>(parts.substr(last + 1));
+    const auto pid = number_of<int>(process).value_or(0);
     if (pid > 0 && inode == status.st_ino && first == major(status.st_dev) && second == minor(status.st_dev))
       processes.insert(pid);
   }
@@ -63,6 +82,7 @@ std::vector<PortUser> port_users(const std::string& path) {
   add_who_has_it_open(device, processes);
   add_who_has_locked_it(device, processes);
   std::vector<PortUser> users;
+  users.reserve(processes.size());
   for (const int pid : processes)
     users.push_back({pid, read_line(fs::path("/proc") / std::to_string(pid) / "comm").value_or("")});
   return users;

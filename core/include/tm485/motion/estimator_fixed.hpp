@@ -136,7 +136,10 @@ class FixedEstimator {
 constexpr std::expected<FixedGains, Errc> FixedGains::from(const EstimatorGains& gains) noexcept {
   if (!tm485::valid(gains)) return std::unexpected(Errc::bad_argument);
   constexpr double kGain = 1073741824.0;
-  const auto rounded = [](double value) { return static_cast<std::int64_t>(value + 0.5); };
+  // None of the values is negative, and core has no lround().
+  const auto rounded = [](double value) {
+    return static_cast<std::int64_t>(value + 0.5);  // NOLINT(bugprone-incorrect-roundings)
+  };
   const StateCovariance<float>& steady = gains.covariance;
   const StateCovariance<double> covariance{steady.pp, steady.pv, steady.pa, steady.vv, steady.va, steady.aa};
   const auto after = [&](std::size_t periods) {
