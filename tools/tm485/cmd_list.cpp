@@ -140,6 +140,7 @@ std::string json_of(const Row& row) {
   json.set("best_effort", row.limits.best_effort);
   json.set("access", access_name(row)).set("errno", row.access_errno);
   std::vector<JsonObject> users;
+  users.reserve(row.users.size());
   for (const linux_hal::PortUser& user : row.users)
     users.push_back(std::move(JsonObject().set("pid", user.pid).set("program", user.program)));
   return json.set("users", std::move(users)).text() + '\n';
