@@ -146,7 +146,9 @@ about[clang]="Clang 19: build and tests"
 step_clang() { build clang-dev && tests_of clang-dev; }
 
 about[asan]="address and undefined-behaviour sanitizers: build and tests"
-step_asan() { build asan && tests_of asan; }
+step_asan() {
+  build asan && LSAN_OPTIONS="suppressions=$root/tests/lsan.supp:print_suppressions=0" tests_of asan
+}
 
 about[gpiod2]="direction control with libgpiod 2.x, unpacked beside the system (the other builds use what is installed)"
 step_gpiod2() {
