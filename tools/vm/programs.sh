@@ -7,7 +7,7 @@ build_into() {
   shift 2
   quiet "$folder/configure.log" cmake -S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo \
     -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -D_GLIBCXX_ASSERTIONS" \
-    -DTM485_WERROR=ON -DTM485_BUILD_TESTS=OFF -DTM485_BUILD_BENCH=OFF -DTM485_INSTALL=OFF \
+    -DTM485_WERROR=ON -DTM485_WITH_CAIRO=OFF -DTM485_BUILD_TESTS=OFF -DTM485_BUILD_BENCH=OFF -DTM485_INSTALL=OFF \
     -DTM485_BUILD_VM_PROGRAMS=ON "$@" || return
   # shellcheck disable=SC2086  # words
   quiet "$folder/build.log" cmake --build "$folder" --parallel "$jobs" --target $targets || return
