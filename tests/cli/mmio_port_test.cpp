@@ -123,7 +123,7 @@ TEST(MmioPort, AUartThatWasGoneIsOpenedAgainByTheSameProgram) {
     file.seekp(0x1018);
     file.write(flags, 4);
   };
-  auto port = cli::AnyPort::open("mmio:pl011@0x1000,clock=48MHz,memory=" + memory, 2'500'000, false);
+  auto port = cli::AnyPort::open("mmio:pl011@0x1000,clock=48MHz,memory=" + memory, {});
   ASSERT_TRUE(port) << port.error().cause;
   answer("\xFF\xFF\xFF\xFF");  // as a bus on which nobody answers any more
   std::array<std::uint8_t, 4> buffer{0x1A};

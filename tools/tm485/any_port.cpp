@@ -89,43 +89,43 @@ auto with_port(Variant& port, const Function& function) noexcept {
 
 }  // namespace
 
-std::expected<AnyPort::Variant, Problem> AnyPort::open_serial(const std::string& path, std::uint32_t bit_rate,
-                                                              const linux_hal::DirectionConfig& direction,
-                                                              bool any_chip) {
-  linux_hal::SerialOptions options;
-  options.bit_rate = bit_rate;
-  options.refuse_unfit_chip = !any_chip;
-  auto port = linux_hal::SerialPort::open(path, options);
+std::expected<AnyPort::Variant, Problem> AnyPort::open_serial(const std::string& path,
+                                                              const AnyPortOptions& options,
+                                                              const linux_hal::DirectionConfig& direction) {
+  linux_hal::SerialOptions serial;
+  serial.bit_rate = options.bit_rate;
+  serial.refuse_unfit_chip = !options.any_chip;
+  serial.system = options.system;
+  auto port = linux_hal::SerialPort::open(path, serial);
   if (!port) return std::unexpected(open_problem(port.error()));
   if (direction.kind == linux_hal::DirectionKind::automatic) return std::move(*port);
   auto control = linux_hal::Rs485Direction::open(direction, port->descriptor(), port->reopen_path());
   if (!control) return std::unexpected(open_problem(control.error()));
   linux_hal::DirectedOptions directed;
-  directed.bit_rate = bit_rate;
+  directed.bit_rate = options.bit_rate;
   return Directed(std::move(*port), std::move(*control), directed);
 }
 
 std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string& text,
-                                                               std::uint32_t bit_rate,
-                                                               const linux_hal::DirectionConfig& direction,
-                                                               bool any_chip) {
+                                                               const AnyPortOptions& options,
+                                                               const linux_hal::DirectionConfig& direction) {
   const bool directed = direction.kind != linux_hal::DirectionKind::automatic;
   if (text == "sim" || text.starts_with(kSim)) {
-    auto options = sim::parse_sim_options(text == "sim" ? std::string_view{}
-                                                        : std::string_view(text).substr(kSim.size()));
-    if (!options) return std::unexpected(bad_port(text, options.error()));
+    auto simulated = sim::parse_sim_options(text == "sim" ? std::string_view{}
+                                                          : std::string_view(text).substr(kSim.size()));
+    if (!simulated) return std::unexpected(bad_port(text, simulated.error()));
     if (directed) return std::unexpected(bad_direction(text, direction));
-    options->line.encoder_bits_per_second = options->line.bits_per_second;
-    options->line.bits_per_second = bit_rate;
-    return std::make_shared<sim::SimulatedEncoder>(*options);
+    simulated->line.encoder_bits_per_second = simulated->line.bits_per_second;
+    simulated->line.bits_per_second = options.bit_rate;
+    return std::make_shared<sim::SimulatedEncoder>(*simulated);
   }
   if (text.starts_with(kMmio)) {
-    auto options = parse_mmio(std::string_view(text).substr(kMmio.size()));
-    if (!options) return std::unexpected(bad_port(text, options.error()));
-    options->bit_rate = bit_rate;
-    if (auto switched = switch_by_gpio(text, direction, *options); !switched)
+    auto mmio = parse_mmio(std::string_view(text).substr(kMmio.size()));
+    if (!mmio) return std::unexpected(bad_port(text, mmio.error()));
+    mmio->bit_rate = options.bit_rate;
+    if (auto switched = switch_by_gpio(text, direction, *mmio); !switched)
       return std::unexpected(std::move(switched.error()));
-    auto port = linux_hal::MmioUart::open(*options);
+    auto port = linux_hal::MmioUart::open(*mmio);
     if (!port) return std::unexpected(open_problem(port.error()));
     return std::move(*port);
   }
@@ -134,35 +134,33 @@ std::expected<AnyPort::Variant, Problem> AnyPort::open_variant(const std::string
   if (path.empty()) return std::unexpected(bad_port(text, "no path"));
   if (named_unix || is_socket(path)) {
     if (directed) return std::unexpected(bad_direction(text, direction));
-    linux_hal::UnixOptions options;
-    options.bit_rate = bit_rate;
-    auto port = linux_hal::UnixPort::connect(path, options);
+    linux_hal::UnixOptions socket;
+    socket.bit_rate = options.bit_rate;
+    auto port = linux_hal::UnixPort::connect(path, socket);
     if (!port) return std::unexpected(open_problem(port.error()));
     return std::move(*port);
   }
   if (path.find('/') == std::string::npos && ::access(path.c_str(), F_OK) != 0)
     return std::unexpected(bad_port(text, "this is none of the kinds of port that there are"));
-  return open_serial(path, bit_rate, direction, any_chip);
+  return open_serial(path, options, direction);
 }
 
-std::expected<AnyPort, Problem> AnyPort::open(const std::string& text, std::uint32_t bit_rate,
-                                              bool virtual_time, const std::string& direction,
-                                              bool any_chip) {
-  const auto config = linux_hal::parse_direction(direction);
+std::expected<AnyPort, Problem> AnyPort::open(const std::string& text, const AnyPortOptions& options) {
+  const auto config = linux_hal::parse_direction(options.direction);
   if (!config)
     return std::unexpected(usage_problem("bad_direction", "--" + config.error().what, config.error().remedy));
-  auto port = open_variant(text, bit_rate, *config, any_chip);
+  auto port = open_variant(text, options, *config);
   if (!port) return std::unexpected(std::move(port.error()));
-  if (virtual_time && !std::holds_alternative<Simulated>(*port)) {
+  if (options.virtual_time && !std::holds_alternative<Simulated>(*port)) {
     return std::unexpected(
         usage_problem("bad_virtual", fmt::format("'{}' is a real port: it cannot run in virtual time", text),
                       "leave --virtual out, or use a simulated encoder: sim:"));
   }
-  return AnyPort(text, bit_rate, virtual_time, *config, any_chip, std::move(*port));
+  return AnyPort(text, options, *config, std::move(*port));
 }
 
 AnyPort AnyPort::simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name) {
-  return {std::move(name), 0, true, {}, false, std::move(encoder)};
+  return {std::move(name), {.bit_rate = 0, .virtual_time = true}, {}, std::move(encoder)};
 }
 
 std::string AnyPort::default_profile(const std::string& text) {
@@ -183,7 +181,7 @@ template <class P>
 std::expected<void, Problem> AnyPort::replace(P& old) {
   // What locks a device or holds a GPIO line must let go of it before the same one is asked for again.
   if constexpr (requires { old.close(); }) old.close();
-  auto port = open_variant(text_, bit_rate_, direction_, any_chip_);
+  auto port = open_variant(text_, options_, direction_);
   if (!port) return std::unexpected(std::move(port.error()));
   port_ = std::move(*port);
   return {};
@@ -200,7 +198,7 @@ std::expected<void, Problem> AnyPort::reopen() {
         }
       },
       port_);
-  if (opened) gone_ = false;
+  gone_ = !opened;
   return opened;
 }
 
@@ -218,9 +216,10 @@ std::vector<Problem> AnyPort::warnings() const {
              timer.error_number == 0 ? std::string{} : fmt::format(" (errno {})", timer.error_number)),
          std::string(timer.remedy()), kExitGood});
   }
-  const linux_hal::RateAbility ability = linux_hal::rate_ability(serial->identity(), bit_rate_);
+  const linux_hal::RateAbility ability = linux_hal::rate_ability(serial->identity(), options_.bit_rate);
   if (ability.verdict == linux_hal::RateVerdict::cannot) {
-    const linux_hal::OsError error = linux_hal::chip_unfit(serial->identity(), bit_rate_, ability.nearest);
+    const linux_hal::OsError error =
+        linux_hal::chip_unfit(serial->identity(), options_.bit_rate, ability.nearest);
     warnings.push_back({std::string(error.name), error.what, error.remedy, kExitGood});
   }
   return warnings;
@@ -229,7 +228,7 @@ std::vector<Problem> AnyPort::warnings() const {
 PortCapability AnyPort::capability() const noexcept {
   PortCapability capability =
       with_port(port_, [](const auto& port) { return PortCapability(port.capability()); });
-  if (simulated() && !virtual_time_) {
+  if (simulated() && !options_.virtual_time) {
     capability.jitter_margin = std::max(capability.jitter_margin, kHostJitter);
     capability.timing = TimingClass::soft;
   }

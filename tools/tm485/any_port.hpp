@@ -15,6 +15,7 @@
 #include "tm485/bus/port.hpp"
 #include "tm485/linux/directed_port.hpp"
 #include "tm485/linux/mmio_uart.hpp"
+#include "tm485/linux/port_identity.hpp"
 #include "tm485/linux/rs485_direction.hpp"
 #include "tm485/linux/serial_port.hpp"
 #include "tm485/linux/time_histogram.hpp"
@@ -24,18 +25,25 @@
 
 namespace tm485::cli {
 
+/// How a port is opened.
+struct AnyPortOptions {
+  std::uint32_t bit_rate = 2'500'000;
+  /// A simulated encoder is driven in virtual time; otherwise it promises what a loop that spins on the real clock can
+  /// hold.
+  bool virtual_time = false;
+  std::string direction =
+      "auto";             ///< who switches the driver of a serial device: linux_hal::parse_direction reads it
+  bool any_chip = false;  ///< open also a chip that is known not to make the rate
+  linux_hal::SystemPaths system = {};  ///< where the kernel says what a device is
+};
+
 /// One owner: the context of the bus. Errors and bounds of the port's functions are those of the port behind it.
 class AnyPort {
  public:
-  /// Opens the port of a text. `virtual_time`: a simulated one is driven in virtual time; otherwise it promises what a
-  /// loop that spins on the real clock can hold. `direction`: who switches the driver of a serial device, as
-  /// linux_hal::parse_direction reads it. `any_chip`: open also a chip that is known not to make the rate. Problems:
-  /// bad_port, bad_direction (exit code 2: the text means nothing, or not for this port), bad_virtual (2: a real port
-  /// cannot), port_gone, rate_refused, chip_unfit or open_failed (1).
-  [[nodiscard]] static std::expected<AnyPort, Problem> open(const std::string& text, std::uint32_t bit_rate,
-                                                            bool virtual_time,
-                                                            const std::string& direction = "auto",
-                                                            bool any_chip = false);
+  /// Opens the port of a text. Problems: bad_port, bad_direction (exit code 2: the text means nothing, or not for this
+  /// port), bad_virtual (2: a real port cannot), port_gone, rate_refused, chip_unfit or open_failed (1).
+  [[nodiscard]] static std::expected<AnyPort, Problem> open(const std::string& text,
+                                                            const AnyPortOptions& options);
 
   /// A simulated encoder that its maker goes on to look at, in virtual time. It cannot be opened again.
   [[nodiscard]] static AnyPort simulated(std::shared_ptr<sim::SimulatedEncoder> encoder, std::string name);
@@ -44,7 +52,7 @@ class AnyPort {
   [[nodiscard]] static std::string default_profile(const std::string& text);
 
   /// Opens the same device again, after gone(): a serial one under whatever number it has come back. On a problem it
-  /// stays gone.
+  /// is gone.
   [[nodiscard]] std::expected<void, Problem> reopen();
 
   /// From now on capability() states this allowance, whatever port is behind it.
@@ -88,30 +96,23 @@ class AnyPort {
   using Variant =
       std::variant<Simulated, linux_hal::SerialPort, Directed, linux_hal::UnixPort, linux_hal::MmioUart>;
 
-  AnyPort(std::string text, std::uint32_t bit_rate, bool virtual_time, linux_hal::DirectionConfig direction,
-          bool any_chip, Variant port)
+  AnyPort(std::string text, AnyPortOptions options, linux_hal::DirectionConfig direction, Variant port)
       : text_(std::move(text)),
-        bit_rate_(bit_rate),
-        virtual_time_(virtual_time),
+        options_(std::move(options)),
         direction_(std::move(direction)),
-        any_chip_(any_chip),
         port_(std::move(port)) {}
   [[nodiscard]] static std::expected<Variant, Problem> open_variant(
-      const std::string& text, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction,
-      bool any_chip);
+      const std::string& text, const AnyPortOptions& options, const linux_hal::DirectionConfig& direction);
   [[nodiscard]] static std::expected<Variant, Problem> open_serial(
-      const std::string& path, std::uint32_t bit_rate, const linux_hal::DirectionConfig& direction,
-      bool any_chip);
+      const std::string& path, const AnyPortOptions& options, const linux_hal::DirectionConfig& direction);
 
   /// Closes the port that is there and puts one of the same text in its place.
   template <class P>
   [[nodiscard]] std::expected<void, Problem> replace(P& old);
 
   std::string text_;
-  std::uint32_t bit_rate_;
-  bool virtual_time_;
+  AnyPortOptions options_;
   linux_hal::DirectionConfig direction_;
-  bool any_chip_;
   std::optional<Time> latency_allowance_;
   Variant port_;
   std::uint64_t sends_ = 0;

@@ -150,7 +150,7 @@ std::string json_of(const Row& row) {
 
 int run_list(const ListOptions& options) {
   Output output;
-  const auto ports = linux_hal::list_ports({options.sysfs_root, options.dev_root});
+  const auto ports = linux_hal::list_ports(options.system);
   for (const PortIdentity& port : ports) {
     const Row row = make_row(port);
     output.write(options.json ? json_of(row) : text_of(row) + '\n');

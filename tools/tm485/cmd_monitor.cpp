@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "commands.hpp"
+#include "direction_view.hpp"
 #include "monitor_view.hpp"
 #include "output.hpp"
 #include "quantity.hpp"
@@ -81,6 +82,7 @@ int run_monitor(const MonitorOptions& options) {
   }
   const auto session = Session::open(settings);
   if (!session) return report(session.error());
+  warn_of_direction((*session)->port());
   return Monitor(**session, options.port.json).run((*session)->now() + duration);
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "commands.hpp"
+#include "direction_view.hpp"
 #include "json_output.hpp"
 #include "output.hpp"
 #include "quantity.hpp"
@@ -86,6 +87,7 @@ int run_read(const ReadOptions& options) {
   if (!settings) return report(settings.error());
   const auto session = Session::open(*settings);
   if (!session) return report(session.error());
+  warn_of_direction((*session)->port());
   Output output;
   const int exit_code = read_cycles(**session, options, output);
   const int result = finish(output, exit_code);

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "tm485/linux/port_identity.hpp"
+
 namespace tm485::cli {
 
 struct DecodeOptions {
@@ -28,6 +30,7 @@ struct PortOptions {
       "auto";             ///< who switches the RS-485 driver, in the words of linux_hal::parse_direction
   bool any_chip = false;  ///< open also a chip that is known not to make the bit rate
   bool json = false;
+  linux_hal::SystemPaths system = {};  ///< tests put their own there
 };
 
 struct InfoOptions {
@@ -153,8 +156,7 @@ int run_reset(const ResetOptions& options);
 
 struct ListOptions {
   bool json = false;
-  std::string sysfs_root = "/sys";  ///< tests put their own there
-  std::string dev_root = "/dev";
+  linux_hal::SystemPaths system = {};  ///< tests put their own there
 };
 int run_list(const ListOptions& options);
 

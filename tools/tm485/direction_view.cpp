@@ -46,4 +46,8 @@ std::string direction_warning_lines(const AnyPort& port) {
   return text;
 }
 
+void warn_of_direction(const AnyPort& port) {
+  if (const auto warning = port.direction_warning()) fmt::print(stderr, "tm485: warning: {}\n", *warning);
+}
+
 }  // namespace tm485::cli

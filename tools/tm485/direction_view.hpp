@@ -19,4 +19,8 @@ namespace tm485::cli {
 /// "warning  best effort: ..." with how many were late; empty if there is nothing to say.
 [[nodiscard]] std::string direction_warning_lines(const AnyPort& port);
 
+/// What a port's direction cannot hold, on standard error: for commands that show none of the above. A port without such a
+/// warning prints nothing.
+void warn_of_direction(const AnyPort& port);
+
 }  // namespace tm485::cli

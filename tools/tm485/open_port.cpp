@@ -27,7 +27,11 @@ std::expected<AnyPort, Problem> open_port(const PortOptions& options, std::uint3
                                           bool virtual_time) {
   const auto latency = latency_of(options.latency);
   if (!latency) return std::unexpected(latency.error());
-  auto port = AnyPort::open(options.port, bit_rate, virtual_time, options.direction, options.any_chip);
+  auto port = AnyPort::open(options.port, {.bit_rate = bit_rate,
+                                           .virtual_time = virtual_time,
+                                           .direction = options.direction,
+                                           .any_chip = options.any_chip,
+                                           .system = options.system});
   if (port && *latency) port->set_latency_allowance(**latency);
   return port;
 }
