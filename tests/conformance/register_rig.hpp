@@ -1,4 +1,4 @@
-// A polled UART on a register-level model with character time, as a rig of the port's contract.
+// A UART on a register-level model with character time, as a rig of the port's contract.
 #pragma once
 
 #include <utility>
@@ -54,6 +54,9 @@ class RegisterRig : public Rig {
   bool line_idle() override { return !model_.engine().transmitting() && !model_.engine().driver(); }
   [[nodiscard]] std::size_t receiver_depth() const override { return depth_; }
   std::vector<std::string> complaints() override { return model_.engine().complaints(); }
+
+ protected:
+  [[nodiscard]] P& port() { return port_; }
 
  private:
   void put(std::span<const std::uint8_t> bytes, Time after, bool stop_bit) {

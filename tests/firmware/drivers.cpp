@@ -2,6 +2,7 @@
 // symbols are what tools/check.sh looks at.
 #include "tm485/mcu/baud.hpp"
 #include "tm485/mcu/cmsdk_uart.hpp"
+#include "tm485/mcu/interrupt_uart_port.hpp"
 #include "tm485/mcu/pl011.hpp"
 #include "tm485/mcu/polled_uart_port.hpp"
 #include "tm485/mcu/register_access.hpp"
@@ -28,6 +29,18 @@ template class PolledUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>;
 template class PolledUartPort<Stm32UsartV2<Registers>, AutomaticDirection>;
 template class PolledUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
 
+/// A one-shot timer as a register.
+struct Shot {
+  void arm(Time span) const noexcept { registers.write32(0, static_cast<std::uint32_t>(span.count())); }
+  VolatileRegisters registers;
+};
+
+template class InterruptUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>;
+template class InterruptUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>, Shot>;
+template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
+template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>, Shot>;
+
+static_assert(Port<InterruptUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>>);
 static_assert(Port<PolledUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>>);
 static_assert(solve_baud(Stm32UsartV1<Registers>::kFamily, 84'000'000, 2'500'000));
 static_assert(solve_baud(Stm32UsartV2<Registers>::kFamily, 170'000'000, 2'500'000));

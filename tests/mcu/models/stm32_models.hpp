@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "mcu/models/uart_engine.hpp"
 
@@ -11,10 +12,11 @@ namespace tm485::test {
 
 struct Stm32Config {
   std::uint32_t clock_hz = 84'000'000;
-  bool clocked = true;   ///< false: registers keep nothing
-  bool present = true;   ///< false: the bus reads all ones
-  std::size_t fifo = 8;  ///< of the newer one, if it is switched on; 0: the chip has none
-  bool stuck = false;    ///< the transmitter never ends
+  bool clocked = true;      ///< false: registers keep nothing
+  bool present = true;      ///< false: the bus reads all ones
+  std::size_t fifo = 8;     ///< of the newer one, if it is switched on; 0: the chip has none
+  bool stuck = false;       ///< the transmitter never ends
+  bool interrupts = false;  ///< somebody takes them
   EngineConfig engine = {};
 };
 
@@ -71,9 +73,9 @@ class Stm32V1Model : public Stm32Base {
           if (engine_.receive_top().framing_error) status |= 0x02;
         }
         if (overrun_) status |= 0x08;
-        if (engine_.transmit_empty()) status |= 0x80;
-        if (!engine_.transmitting() && !config_.stuck) status |= 0x40;
+        status |= transmit_status();
         overrun_read_ = overrun_;
+        complete_read_ = complete_;
         return status;
       }
       case 0x04: {
@@ -97,15 +99,24 @@ class Stm32V1Model : public Stm32Base {
   void write32(std::size_t offset, std::uint32_t value) noexcept {
     engine_.spend_access();
     if (!config_.present || !config_.clocked) return;
+    (void)transmit_status();
     switch (offset) {
+      case 0x00:
+        // Of the flags that matter here only TC is cleared by writing 0; RXNE would be too.
+        if ((value & 0x20) == 0) engine_.complain("RXNE was cleared by a write");
+        if ((value & 0x40) == 0) complete_ = complete_read_ = false;
+        return;
       case 0x04:
+        // Reading the status and then writing the data clears the transmission-complete.
+        if (complete_read_) complete_ = complete_read_ = false;
         return engine_.write(static_cast<std::uint8_t>(value));
       case 0x08:
         brr_ = value & 0xFFFF;
         return take_rate(brr_, (cr1_ & 0x8000) != 0);
       case 0x0C:
         cr1_ = value & 0xFFFF;
-        if ((cr1_ & 0x15F0) != 0) engine_.complain("interrupts, parity or nine bits are on");
+        if ((cr1_ & (config_.interrupts ? 0x1510 : 0x15F0)) != 0)
+          engine_.complain("interrupts, parity or nine bits are on");
         if ((cr1_ & 0x08) == 0) engine_.clear_transmitter();
         take_rate(brr_, (cr1_ & 0x8000) != 0);
         return engine_.enable((cr1_ & 0x200C) == 0x200C);
@@ -118,8 +129,25 @@ class Stm32V1Model : public Stm32Base {
     }
   }
 
+  /// The interrupt line: each flag with its switch; that of RXNE is also that of the overrun.
+  [[nodiscard]] bool interrupt() {
+    if (!config_.present || !config_.clocked) return false;
+    overrun_ = overrun_ || engine_.take_overruns() != 0;
+    const std::uint32_t status = transmit_status() | (engine_.receive_empty() && !overrun_ ? 0u : 0x20u);
+    return (status & cr1_ & 0xE0) != 0;
+  }
+
  private:
+  /// TC is set by the end of a transmission, and stays until it is cleared. Before the first it is set as well.
+  std::uint32_t transmit_status() {
+    if (std::exchange(completions_, engine_.completions()) != engine_.completions()) complete_ = true;
+    return (engine_.transmit_empty() ? 0x80u : 0u) | (complete_ && !config_.stuck ? 0x40u : 0u);
+  }
+
   std::uint32_t brr_ = 0, cr1_ = 0;
+  std::uint32_t completions_ = 0;
+  bool complete_ = true;
+  bool complete_read_ = false;
   bool overrun_ = false;
   bool overrun_read_ = false;
 };

@@ -52,8 +52,23 @@ class UartEngine {
     }
     if (now > now_) now_ = now;
   }
-  /// Each register access calls it.
-  void spend_access() { advance_to(now_ + config_.access); }
+  /// Each register access calls it: an interrupt may come before it takes effect.
+  void spend_access() {
+    advance_to(now_ + config_.access);
+    if (on_access) on_access();
+  }
+  std::function<void()> on_access;
+  /// The next instant at which something happens by itself; kNever if nothing will.
+  [[nodiscard]] Time next_event() const {
+    return std::min(
+        {next_start(), shift_ ? shift_->end : kNever, arriving_.empty() ? kNever : arriving_.front().end});
+  }
+  /// How often the last stop bit of what was written has left.
+  [[nodiscard]] std::uint32_t completions() const { return completions_; }
+  /// How often a character has moved from the FIFO into the shift register.
+  [[nodiscard]] std::uint32_t shifts() const { return shifts_; }
+  /// How many characters have come into the receive FIFO.
+  [[nodiscard]] std::uint32_t received() const { return received_; }
 
   // Line.
   /// Called when the last bit of a character of the own transmitter has left.
@@ -113,18 +128,17 @@ class UartEngine {
 
   /// The earliest thing that happens by itself until `until`; false if there is none.
   bool work_off_one(Time until) {
-    const Time never = kNever;
-    const Time start = !shift_ && !transmit_.empty() ? next_start_ : never;
-    const Time end = shift_ ? shift_->end : never;
-    const Time arrival = arriving_.empty() ? never : arriving_.front().end;
-    const Time first = std::min({start, end, arrival});
-    if (first == never || first > until) return false;
+    const Time start = next_start();
+    const Time end = shift_ ? shift_->end : kNever;
+    const Time first = next_event();
+    if (first == kNever || first > until) return false;
     if (first > now_) now_ = first;
     if (first == end) {
       finish_character();
     } else if (first == start) {
       shift_ = LineCharacter{transmit_.front(), start, start + character_, true};
       transmit_.pop_front();
+      ++shifts_;
     } else {
       receive(arriving_.front(), false);
       arriving_.pop_front();
@@ -132,9 +146,12 @@ class UartEngine {
     return true;
   }
 
+  [[nodiscard]] Time next_start() const { return !shift_ && !transmit_.empty() ? next_start_ : kNever; }
+
   void finish_character() {
     const LineCharacter done = *shift_;
     shift_.reset();
+    if (transmit_.empty()) ++completions_;
     next_start_ = done.end;
     last_end_ = done.end;
     sent_any_ = true;
@@ -157,6 +174,7 @@ class UartEngine {
       return;
     }
     receive_.push_back(waiting);
+    ++received_;
   }
 
   EngineConfig config_;
@@ -177,6 +195,9 @@ class UartEngine {
   std::deque<LineCharacter> arriving_;
   std::deque<WaitingCharacter> receive_;
   std::size_t overruns_ = 0;
+  std::uint32_t completions_ = 0;
+  std::uint32_t shifts_ = 0;
+  std::uint32_t received_ = 0;
   std::vector<std::string> complaints_;
 };
 

@@ -1,8 +1,9 @@
-// CmsdkUart: the register driver of the APB UART of ARM's Cortex-M System Design Kit (the MPS2 boards), polled.
-// Registers: ARM DDI 0479, chapter 4.3. Specification: section 1.
+// CmsdkUart: the register driver of the APB UART of ARM's Cortex-M System Design Kit (the MPS2 boards), polled
+// or by interrupt. Registers: ARM DDI 0479, chapter 4.3. Specification: section 1.
 //
 // One character each way besides the shift registers, as on Stm32UsartV1. It neither says when the last stop bit has
-// left nor notices a missing one: the port waits for a character's time, and the CRC has to find the other.
+// left nor notices a missing one: the port waits for a character's time, and the CRC has to find the other. Its receive
+// and its transmit interrupt are two lines: both have the priority that the port's interrupt has.
 #pragma once
 
 #include <cstddef>
@@ -12,6 +13,7 @@
 
 #include "tm485/errc.hpp"
 #include "tm485/mcu/baud.hpp"
+#include "tm485/mcu/interrupt_uart.hpp"
 #include "tm485/mcu/polled_uart.hpp"
 #include "tm485/mcu/register_access.hpp"
 
@@ -23,6 +25,7 @@ class CmsdkUart {
  public:
   static constexpr BaudFamily kFamily = BaudFamily::cmsdk;
   static constexpr bool kHidesLastCharacter = true;
+  static constexpr bool kTellsCompletion = false;
 
   explicit CmsdkUart(R registers) noexcept : registers_(std::move(registers)) {}
 
@@ -31,7 +34,7 @@ class CmsdkUart {
     shut_down();
     write(kBaudDivisor, divisor.divisor);
     if (read(kBaudDivisor) != divisor.divisor) return std::unexpected(Errc::port_gone);
-    write(kControl, kTransmitEnable | kReceiveEnable);
+    write(kControl, kOn);
     (void)read(kData);
     write(kState, kSendOverrun | kReceiveOverrun);
     return {};
@@ -48,8 +51,9 @@ class CmsdkUart {
 
   /// The character in the buffer cannot be taken back: the transmitter is switched off and on.
   void drop_unsent() noexcept {
-    write(kControl, kReceiveEnable);
-    write(kControl, kTransmitEnable | kReceiveEnable);
+    const std::uint32_t control = read(kControl);
+    write(kControl, control & ~kTransmitEnable);
+    write(kControl, control);
   }
 
   [[nodiscard]] ReceivedCharacter try_read() noexcept {
@@ -70,11 +74,30 @@ class CmsdkUart {
 
   void shut_down() noexcept { write(kControl, 0); }
 
+  // Interrupts, see InterruptUart.
+  void listen() noexcept { write(kControl, kOn | kReceiveInterrupt); }
+
+  /// The transmit interrupt is made by the buffer's running empty, so it cannot come before the byte is written.
+  void begin(std::uint8_t byte, bool) noexcept {
+    write(kInterrupts, kTransmitDue);
+    write(kControl, kOn | kReceiveInterrupt | kTransmitInterrupt);
+    write(kData, byte);
+  }
+
+  [[nodiscard]] TransmitEvents take_events() noexcept {
+    const std::uint32_t due = read(kInterrupts) & (kTransmitDue | kReceiveDue);
+    if (due != 0) write(kInterrupts, due);
+    return {.room = (due & kTransmitDue) != 0};
+  }
+
+  void await_completion() noexcept {}
+
  private:
   // Offsets.
   static constexpr std::size_t kData = 0x00;
   static constexpr std::size_t kState = 0x04;
   static constexpr std::size_t kControl = 0x08;
+  static constexpr std::size_t kInterrupts = 0x0C;  // read: which are due; cleared by writing 1
   static constexpr std::size_t kBaudDivisor = 0x10;
   // State; the overruns are cleared by writing 1.
   static constexpr std::uint32_t kSendFull = 1U << 0;
@@ -84,6 +107,12 @@ class CmsdkUart {
   // Control.
   static constexpr std::uint32_t kTransmitEnable = 1U << 0;
   static constexpr std::uint32_t kReceiveEnable = 1U << 1;
+  static constexpr std::uint32_t kTransmitInterrupt = 1U << 2;
+  static constexpr std::uint32_t kReceiveInterrupt = 1U << 3;
+  static constexpr std::uint32_t kOn = kTransmitEnable | kReceiveEnable;
+  // Interrupts.
+  static constexpr std::uint32_t kTransmitDue = 1U << 0;
+  static constexpr std::uint32_t kReceiveDue = 1U << 1;
 
   static constexpr std::uint32_t kNobody = 0xFFFF'FFFF;
 
@@ -93,6 +122,6 @@ class CmsdkUart {
   R registers_;
 };
 
-static_assert(PolledUart<CmsdkUart<VolatileRegisters>>);
+static_assert(InterruptUart<CmsdkUart<VolatileRegisters>>);
 
 }  // namespace tm485::mcu

@@ -50,6 +50,9 @@ class PolledUartPort {
   /// direction cannot be switched.
   [[nodiscard]] std::expected<void, Errc> start(const BaudDivisor& divisor) noexcept {
     character_ = divisor.character_time;
+    // In 32 bits, and not in the cycle: some cores divide no more.
+    constexpr std::uint32_t kBits = 10;
+    bit_ = Time{static_cast<std::uint32_t>(character_.count()) / kBits};
     state_ = {};
     gone_ = false;
     stays_on_ = false;
@@ -169,8 +172,7 @@ class PolledUartPort {
     if (!U::kHidesLastCharacter && now < end_) return false;
     if (idle_since_ == kNever && uart_.transmitter_idle()) idle_since_ = now;
     // One bit more, since the answer is younger than `now`.
-    constexpr std::int64_t kBits = 10;
-    const Time last = U::kHidesLastCharacter ? character_ + character_ / kBits : Time{0};
+    const Time last = U::kHidesLastCharacter ? character_ + bit_ : Time{0};
     return idle_since_ != kNever && now >= end_ && now - idle_since_ >= last + config_.hardware_release;
   }
 
@@ -190,6 +192,7 @@ class PolledUartPort {
   D direction_;
   PolledPortConfig config_;
   Time character_{4'000};
+  Time bit_{400};
   Transmission state_;
   bool leading_ = false;
   bool gone_ = false;

@@ -1,8 +1,9 @@
-// Stm32UsartV1: the register driver of the USART of STM32F1, F2, F4 and L1, polled. Registers: ST RM0090, chapter 30.
-// Specification: section 1.
+// Stm32UsartV1: the register driver of the USART of STM32F1, F2, F4 and L1, polled or by interrupt. Registers: ST
+// RM0090, chapter 30. Specification: section 1.
 //
-// One character each way besides the shift registers: whoever polls it must come round within a character's time (4 us
-// at 2.5 Mbit/s), or requests get gaps and replies lose bytes. It has no driver-enable output: a GPIO does it.
+// One character each way besides the shift registers: whoever polls it, or its interrupt, must come round within a
+// character's time (4 us at 2.5 Mbit/s), or requests get gaps and replies lose bytes. It has no driver-enable output: a
+// GPIO does it.
 #pragma once
 
 #include <cstddef>
@@ -12,6 +13,7 @@
 
 #include "tm485/errc.hpp"
 #include "tm485/mcu/baud.hpp"
+#include "tm485/mcu/interrupt_uart.hpp"
 #include "tm485/mcu/polled_uart.hpp"
 #include "tm485/mcu/register_access.hpp"
 
@@ -32,6 +34,7 @@ class Stm32UsartV1 {
   static constexpr BaudFamily kFamily =
       S == Oversampling::by8 ? BaudFamily::stm32_over8 : BaudFamily::stm32_over16;
   static constexpr bool kHidesLastCharacter = false;
+  static constexpr bool kTellsCompletion = true;
 
   explicit Stm32UsartV1(R registers) noexcept : registers_(std::move(registers)) {}
 
@@ -43,7 +46,7 @@ class Stm32UsartV1 {
     write(kControl3, 0);
     write(kBaudRate, rate);
     if (read(kBaudRate) != rate) return std::unexpected(Errc::port_gone);
-    write(kControl1, kEnable | kTransmitEnable | kReceiveEnable | (S == Oversampling::by8 ? kOver8 : 0U));
+    write(kControl1, kOn);
     (void)read(kStatus);
     (void)read(kData);  // what was there before, and its errors
     lost_ = false;
@@ -86,6 +89,30 @@ class Stm32UsartV1 {
 
   void shut_down() noexcept { write(kControl1, 0); }
 
+  // Interrupts, see InterruptUart.
+  void listen() noexcept { write(kControl1, kOn | kReceivedInterrupt); }
+
+  /// The status is not read here: that would be half of what clears the receiver's errors. A transmission-complete of
+  /// before is cleared by writing 0 to it instead.
+  void begin(std::uint8_t byte, bool more) noexcept {
+    write(kStatus, ~kTransmitComplete);
+    write(kData, byte);
+    write(kControl1,
+          kOn | kReceivedInterrupt | (more ? kTransmitEmptyInterrupt : kTransmitCompleteInterrupt));
+  }
+
+  [[nodiscard]] TransmitEvents take_events() noexcept {
+    const std::uint32_t on = read(kControl1) & (kTransmitEmptyInterrupt | kTransmitCompleteInterrupt);
+    if (on == 0) [[likely]]
+      return {};
+    const std::uint32_t due = status() & on;  // each flag has the place of its switch
+    return {.room = (due & kTransmitEmpty) != 0, .complete = (due & kTransmitComplete) != 0};
+  }
+
+  void await_completion() noexcept {
+    write(kControl1, kOn | kReceivedInterrupt | kTransmitCompleteInterrupt);
+  }
+
  private:
   // Offsets.
   static constexpr std::size_t kStatus = 0x00;
@@ -103,8 +130,13 @@ class Stm32UsartV1 {
   // Control 1.
   static constexpr std::uint32_t kReceiveEnable = 1U << 2;
   static constexpr std::uint32_t kTransmitEnable = 1U << 3;
+  static constexpr std::uint32_t kReceivedInterrupt = 1U << 5;
+  static constexpr std::uint32_t kTransmitCompleteInterrupt = 1U << 6;
+  static constexpr std::uint32_t kTransmitEmptyInterrupt = 1U << 7;
   static constexpr std::uint32_t kEnable = 1U << 13;
   static constexpr std::uint32_t kOver8 = 1U << 15;
+  static constexpr std::uint32_t kOn =
+      kEnable | kTransmitEnable | kReceiveEnable | (S == Oversampling::by8 ? kOver8 : 0U);
 
   static constexpr std::uint32_t kNobody = 0xFFFF'FFFF;
 
@@ -122,6 +154,6 @@ class Stm32UsartV1 {
   bool lost_ = false;
 };
 
-static_assert(PolledUart<Stm32UsartV1<VolatileRegisters>>);
+static_assert(InterruptUart<Stm32UsartV1<VolatileRegisters>>);
 
 }  // namespace tm485::mcu
