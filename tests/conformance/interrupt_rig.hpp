@@ -42,9 +42,8 @@ class InterruptRig : private LineOfRig<M>, public RegisterRig<M, P> {
             },
             rig.grain, P::kRoom) {
     line_->on_interrupt = [this](Time now) { this->port().on_interrupt(now); };
-    line_->on_timer = [this](Time now) {
-      if constexpr (requires(P& port) { port.on_timer(now); }) this->port().on_timer(now);
-    };
+    if constexpr (requires(P& port, Time now) { port.on_timer(now); })
+      line_->on_timer = [this](Time now) { this->port().on_timer(now); };
     const auto divisor = mcu::solve_baud(P::kFamily, rig.clock_hz, 2'500'000);
     EXPECT_TRUE(divisor && this->port().start(*divisor));
     if (rig.priority == UartPriority::higher) line_->interrupt_owner();

@@ -37,6 +37,9 @@ struct Shot {
 
 template class InterruptUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>;
 template class InterruptUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>, Shot>;
+template class InterruptUartPort<Stm32UsartV2<Registers>, AutomaticDirection>;
+template class InterruptUartPort<Stm32UsartV2<Registers, Oversampling::by8>, CallDirection<Pin>>;
+template class InterruptUartPort<Pl011<Registers, Pl011Fifos::off>, CallDirection<Pin>, Shot>;
 template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
 template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>, Shot>;
 

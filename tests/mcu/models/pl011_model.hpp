@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "mcu/models/uart_engine.hpp"
 
@@ -15,6 +16,7 @@ struct Pl011Config {
   bool clocked = true;          ///< false: registers keep nothing
   bool rts_is_driver = false;   ///< the RTS output switches the RS-485 driver
   bool rts_off_drives = false;  ///< with the other polarity
+  bool interrupts = false;      ///< somebody takes them
   bool stuck = false;           ///< the transmitter never ends (a clock that stopped)
   EngineConfig engine = {};
 };
@@ -32,6 +34,13 @@ class Pl011Model {
   [[nodiscard]] std::uint32_t fractional_divisor() const { return fbrd_; }
   [[nodiscard]] std::uint32_t control() const { return cr_; }
 
+  /// The combined interrupt line.
+  [[nodiscard]] bool interrupt() {
+    if (!config_.present || !config_.clocked) return false;
+    note();
+    return (ris_ & imsc_) != 0;
+  }
+
   // Register access. The manual knows words only.
   std::uint8_t read8(std::size_t) noexcept { return wrong_width(), std::uint8_t{0}; }
   std::uint16_t read16(std::size_t) noexcept { return wrong_width(), std::uint16_t{0}; }
@@ -42,7 +51,7 @@ class Pl011Model {
     engine_.spend_access();
     if (!config_.present) return 0xFFFFFFFFu;
     if (!config_.clocked) return 0;
-    note_overruns();
+    note();
     switch (offset) {
       case 0x000:
         return read_data();
@@ -69,6 +78,8 @@ class Pl011Model {
         return imsc_;
       case 0x03C:
         return ris_;
+      case 0x040:
+        return ris_ & imsc_;
       default:
         engine_.complain("a read at an offset that is reserved or write-only");
         return 0;
@@ -78,9 +89,10 @@ class Pl011Model {
   void write32(std::size_t offset, std::uint32_t value) noexcept {
     engine_.spend_access();
     if (!config_.present || !config_.clocked) return;
-    note_overruns();
+    note();
     switch (offset) {
       case 0x000:
+        ris_ &= ~0x20u;
         return engine_.write(static_cast<std::uint8_t>(value));
       case 0x004:
         rsr_ = 0;
@@ -100,7 +112,9 @@ class Pl011Model {
         return engine_.enable((cr_ & 0x301) == 0x301);
       case 0x038:
         imsc_ = value;
-        if (value != 0) engine_.complain("an interrupt was enabled: nobody takes it");
+        if (value != 0 && !config_.interrupts) engine_.complain("an interrupt was enabled: nobody takes it");
+        if (value != 0 && (lcr_h_ & 0x10) != 0)
+          engine_.complain("interrupts with the FIFOs on, whose levels are not modelled");
         return;
       case 0x044:
         ris_ &= ~value;
@@ -155,7 +169,12 @@ class Pl011Model {
     return value;
   }
 
-  void note_overruns() {
+  /// Without FIFOs (2.8): the receive interrupt is there while a character waits; the transmit interrupt is made by the
+  /// holding register's running empty, and cleared by a write to either it or the register.
+  void note() {
+    ris_ = engine_.receive_empty() ? ris_ & ~0x10u : ris_ | 0x10u;
+    if (std::exchange(shifts_, engine_.shifts()) != engine_.shifts() && engine_.transmit_empty())
+      ris_ |= 0x20;
     if (engine_.take_overruns() == 0) return;
     rsr_ |= 0x8;
     ris_ |= 0x400;
@@ -164,7 +183,7 @@ class Pl011Model {
 
   Pl011Config config_;
   UartEngine engine_;
-  std::uint32_t ibrd_ = 0, fbrd_ = 0, lcr_h_ = 0, cr_ = 0x300, imsc_ = 0, ris_ = 0, rsr_ = 0;
+  std::uint32_t ibrd_ = 0, fbrd_ = 0, lcr_h_ = 0, cr_ = 0x300, imsc_ = 0, ris_ = 0, rsr_ = 0, shifts_ = 0;
   bool overrun_to_tell_ = false;
 };
 

@@ -181,11 +181,7 @@ class Stm32V2Model : public Stm32Base {
         }
         if (framing_) status |= 0x02;
         if (overrun_) status |= 0x08;
-        if (!engine_.transmit_full()) status |= 0x80;
-        // Set by the end of a transmission, cleared by software only.
-        if (!engine_.transmitting() && !config_.stuck) complete_ = true;
-        if (complete_ && !config_.stuck) status |= 0x40;
-        return status;
+        return status | transmit_status();
       }
       case 0x24: {
         if (engine_.receive_empty()) {
@@ -205,6 +201,7 @@ class Stm32V2Model : public Stm32Base {
   void write32(std::size_t offset, std::uint32_t value) noexcept {
     engine_.spend_access();
     if (!config_.present || !config_.clocked) return;
+    (void)transmit_status();
     switch (offset) {
       case 0x00:
         return write_control(value);
@@ -236,13 +233,28 @@ class Stm32V2Model : public Stm32Base {
     }
   }
 
+  /// The interrupt line: each flag with its switch; that of RXNE is also that of the overrun.
+  [[nodiscard]] bool interrupt() {
+    if (!config_.present || !config_.clocked) return false;
+    overrun_ = overrun_ || engine_.take_overruns() != 0;
+    const std::uint32_t status = transmit_status() | (engine_.receive_empty() && !overrun_ ? 0u : 0x20u);
+    return (status & cr1_ & 0xE0) != 0;
+  }
+
  private:
+  /// TC is set by the end of a transmission, and stays until software clears it.
+  std::uint32_t transmit_status() {
+    if (std::exchange(completions_, engine_.completions()) != engine_.completions()) complete_ = true;
+    return (engine_.transmit_full() ? 0u : 0x80u) | (complete_ && !config_.stuck ? 0x40u : 0u);
+  }
+
   void write_control(std::uint32_t value) {
     if (config_.fifo == 0) value &= ~0x20000000u;
     if ((cr1_ & 1) != 0 && (value & 1) != 0 && ((cr1_ ^ value) & 0x23FF8000u) != 0)
       engine_.complain("DE times, FIFO or samples were changed while the USART is on");
     cr1_ = value;
-    if ((value & 0x100015F0u) != 0) engine_.complain("interrupts, parity or another length are on");
+    if ((value & (config_.interrupts ? 0x10001510u : 0x100015F0u)) != 0)
+      engine_.complain("interrupts, parity or another length are on");
     take_rate(brr_, (value & 0x8000) != 0);
     engine_.set_depth((value & 0x20000000u) != 0 ? config_.fifo : 1);
     const std::int64_t samples = (value & 0x8000) != 0 ? 80 : 160;
@@ -252,6 +264,7 @@ class Stm32V2Model : public Stm32Base {
   }
 
   std::uint32_t cr1_ = 0, cr3_ = 0, brr_ = 0;
+  std::uint32_t completions_ = 0;
   bool framing_ = false;
   bool overrun_ = false;
   bool complete_ = true;

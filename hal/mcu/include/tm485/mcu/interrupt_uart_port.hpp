@@ -71,7 +71,8 @@ class InterruptUartPort {
   [[nodiscard]] std::expected<void, Errc> start(const BaudDivisor& divisor) noexcept {
     character_ = divisor.character_time;
     constexpr std::uint32_t kBits = 10;
-    bit_ = Time{static_cast<std::uint32_t>(character_.count()) / kBits};  // 32 bits: some cores divide no more
+    bit_ =
+        Time{static_cast<std::uint32_t>(character_.count()) / kBits};  // 32 bits: some cores divide no more
     set_phase(Phase::idle);
     gone_.store(0, Atomics::kRelaxed);
     fault_ = Errc::ok;

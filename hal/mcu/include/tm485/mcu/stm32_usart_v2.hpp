@@ -1,8 +1,8 @@
-// Stm32UsartV2: the register driver of the USART of STM32F0, F3, F7, G0, G4, H7 and L4, polled. Registers: ST RM0440,
-// chapter 37. Specification: section 1.
+// Stm32UsartV2: the register driver of the USART of STM32F0, F3, F7, G0, G4, H7 and L4, polled or by interrupt. Registers:
+// ST RM0440, chapter 37. Specification: section 1.
 //
 // Its driver-enable output switches the RS-485 driver by itself: on before the start bit, off behind the stop bit, each
-// by up to 31 sample times. Use AutomaticDirection and PolledPortConfig::hardware_release with it. The FIFOs (G0, G4,
+// by up to 31 sample times. Use AutomaticDirection and the port's hardware_release with it. The FIFOs (G0, G4,
 // H7: 8 or 16 characters) are on if asked for.
 #pragma once
 
@@ -13,6 +13,7 @@
 
 #include "tm485/errc.hpp"
 #include "tm485/mcu/baud.hpp"
+#include "tm485/mcu/interrupt_uart.hpp"
 #include "tm485/mcu/polled_uart.hpp"
 #include "tm485/mcu/register_access.hpp"
 #include "tm485/mcu/stm32_usart_v1.hpp"
@@ -35,11 +36,12 @@ class Stm32UsartV2 {
   static constexpr BaudFamily kFamily =
       S == Oversampling::by8 ? BaudFamily::stm32_over8 : BaudFamily::stm32_over16;
   static constexpr bool kHidesLastCharacter = false;
+  static constexpr bool kTellsCompletion = true;
 
   explicit Stm32UsartV2(R registers, const Stm32V2Options& options = {}) noexcept
       : registers_(std::move(registers)), options_(options) {}
 
-  /// What to put into PolledPortConfig::hardware_release, rounded up.
+  /// What to put into the port's hardware_release, rounded up.
   [[nodiscard]] static constexpr Time release_time(const BaudDivisor& divisor,
                                                    const Stm32V2Options& options) noexcept {
     constexpr std::int64_t kSamples = S == Oversampling::by8 ? 80 : 160;  // a character
@@ -63,8 +65,9 @@ class Stm32UsartV2 {
                                   std::uint32_t{options_.assertion} << kAssertionShift |
                                   std::uint32_t{options_.deassertion} << kDeassertionShift;
     write(kControl1, control);  // the times can be set while it is off only
-    write(kControl1, control | kEnable);
-    if (read(kControl1) != (control | kEnable)) return std::unexpected(Errc::bad_argument);
+    on_ = control | kEnable;
+    write(kControl1, on_);
+    if (read(kControl1) != on_) return std::unexpected(Errc::bad_argument);
     write(kRequest, kDropReceived);
     write(kClear, kAllErrors | kTransmitCompleteClear);
     return {};
@@ -106,6 +109,27 @@ class Stm32UsartV2 {
 
   void shut_down() noexcept { write(kControl1, 0); }
 
+  // Interrupts, see InterruptUart.
+  void listen() noexcept { write(kControl1, on_ | kReceivedInterrupt); }
+
+  void begin(std::uint8_t byte, bool more) noexcept {
+    write(kClear, kTransmitCompleteClear);
+    write(kSendData, byte);
+    write(kControl1, on_ | kReceivedInterrupt | (more ? kRoomInterrupt : kTransmitCompleteInterrupt));
+  }
+
+  [[nodiscard]] TransmitEvents take_events() noexcept {
+    const std::uint32_t on = read(kControl1) & (kRoomInterrupt | kTransmitCompleteInterrupt);
+    if (on == 0) [[likely]]
+      return {};
+    const std::uint32_t due = read(kStatus) & on;  // each flag has the place of its switch
+    return {.room = (due & kRoomToSend) != 0, .complete = (due & kTransmitComplete) != 0};
+  }
+
+  void await_completion() noexcept {
+    write(kControl1, on_ | kReceivedInterrupt | kTransmitCompleteInterrupt);
+  }
+
  private:
   // Offsets.
   static constexpr std::size_t kControl1 = 0x00;
@@ -121,6 +145,9 @@ class Stm32UsartV2 {
   static constexpr std::uint32_t kEnable = 1U << 0;
   static constexpr std::uint32_t kReceiveEnable = 1U << 2;
   static constexpr std::uint32_t kTransmitEnable = 1U << 3;
+  static constexpr std::uint32_t kReceivedInterrupt = 1U << 5;
+  static constexpr std::uint32_t kTransmitCompleteInterrupt = 1U << 6;
+  static constexpr std::uint32_t kRoomInterrupt = 1U << 7;
   static constexpr std::uint32_t kOver8 = 1U << 15;
   static constexpr unsigned kDeassertionShift = 16;
   static constexpr unsigned kAssertionShift = 21;
@@ -150,8 +177,9 @@ class Stm32UsartV2 {
 
   R registers_;
   Stm32V2Options options_;
+  std::uint32_t on_ = 0;  ///< control 1 without interrupts
 };
 
-static_assert(PolledUart<Stm32UsartV2<VolatileRegisters>>);
+static_assert(InterruptUart<Stm32UsartV2<VolatileRegisters>>);
 
 }  // namespace tm485::mcu
