@@ -34,9 +34,8 @@ class InterruptLine {
   void run_to(Time until) {
     for (;;) {
       take_due();
-      const Time next = std::min(model_->engine().next_event(), std::min(timer_, raised_) + latency_);
-      if (next > until) break;
-      model_->engine().advance_to(std::max(next, now()));
+      if (next() > until) break;
+      model_->engine().advance_to(std::max(next(), now()));
     }
     model_->engine().advance_to(until);
     take_due();
@@ -50,6 +49,10 @@ class InterruptLine {
     busy_ = false;
   }
 
+  /// When something happens by itself, at the earliest.
+  [[nodiscard]] Time next() const {
+    return std::min(model_->engine().next_event(), std::min(timer_, raised_) + latency_);
+  }
   [[nodiscard]] std::uint32_t taken() const { return taken_; }
 
  private:

@@ -76,6 +76,7 @@ class UartEngine {
   /// A character that will arrive; their instants rise.
   void arrive(const LineCharacter& character) { arriving_.push_back(character); }
   [[nodiscard]] bool transmitting() const { return shift_.has_value() || !transmit_.empty(); }
+  [[nodiscard]] bool judges_driver() const { return config_.judge_driver; }
   [[nodiscard]] bool driver() const {
     return automatic_ ? transmitting() || (sent_any_ && now_ < last_end_ + tail_) : driver_;
   }
