@@ -2,12 +2,14 @@
 // symbols are what tools/check.sh looks at.
 #include "tm485/mcu/baud.hpp"
 #include "tm485/mcu/cmsdk_uart.hpp"
+#include "tm485/mcu/cycle_counter.hpp"
 #include "tm485/mcu/interrupt_uart_port.hpp"
 #include "tm485/mcu/pl011.hpp"
 #include "tm485/mcu/polled_uart_port.hpp"
 #include "tm485/mcu/register_access.hpp"
 #include "tm485/mcu/stm32_usart_v1.hpp"
 #include "tm485/mcu/stm32_usart_v2.hpp"
+#include "tm485/mcu/timer_clock.hpp"
 #include "tm485/mcu/uart16550.hpp"
 
 namespace tm485::mcu {
@@ -42,6 +44,16 @@ template class InterruptUartPort<Stm32UsartV2<Registers, Oversampling::by8>, Cal
 template class InterruptUartPort<Pl011<Registers, Pl011Fifos::off>, CallDirection<Pin>, Shot>;
 template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
 template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>, Shot>;
+
+/// A 16-bit timer that counts.
+struct Count {
+  static constexpr unsigned kBits = 16;
+  std::uint32_t read() const noexcept { return registers.read16(0x24); }
+  VolatileRegisters registers;
+};
+template class CycleCounter<Registers>;
+template class TimerClock<CycleCounter<Registers>>;
+template class TimerClock<Count>;
 
 static_assert(Port<InterruptUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>>);
 static_assert(Port<PolledUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>>);
