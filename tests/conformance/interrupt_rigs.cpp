@@ -5,6 +5,7 @@
 #include "mcu/models/pl011_model.hpp"
 #include "mcu/models/stm32_models.hpp"
 #include "tm485/mcu/cmsdk_uart.hpp"
+#include "tm485/mcu/dma_uart.hpp"
 #include "tm485/mcu/pl011.hpp"
 #include "tm485/mcu/stm32_usart_v1.hpp"
 #include "tm485/mcu/stm32_usart_v2.hpp"
@@ -47,6 +48,37 @@ std::unique_ptr<Rig> stm32_v2() {
       InterruptRigConfig{.clock_hz = kClock}, [&](Stm32V2Model& model, auto&) {
         return Port(Driver(ModelAccess(model), options), {},
                     {.hardware_release = release, .capability = kPort.capability});
+      });
+}
+
+/// Two DMA channels; the reply is there after a character's time of silence.
+std::unique_ptr<Rig> stm32_v1_dma() {
+  using Driver = mcu::Stm32UsartV1<ModelAccess<Stm32V1Model>>;
+  using Dma = mcu::DmaUart<Driver, SendChannel, ReceiveChannel>;
+  using Port = mcu::InterruptUartPort<Dma, PinDirection<Stm32V1Model>, LineTimer<Stm32V1Model>>;
+  return std::make_unique<InterruptRig<Stm32V1Model, Port>>(
+      Stm32Config{.clock_hz = 84'000'000, .interrupts = true, .engine = kJudged},
+      InterruptRigConfig{.clock_hz = 84'000'000}, [](Stm32V1Model& model, auto& line) {
+        return Port(Dma(Driver(ModelAccess(model)), SendChannel(model.send_channel()),
+                        ReceiveChannel(model.receive_channel())),
+                    PinDirection<Stm32V1Model>{ModelDriverPin(model)}, kPort, LineTimer(line));
+      });
+}
+
+std::unique_ptr<Rig> stm32_v2_dma() {
+  using Driver = mcu::Stm32UsartV2<ModelAccess<Stm32V2Model>>;
+  using Dma = mcu::DmaUart<Driver, SendChannel, ReceiveChannel>;
+  using Port = mcu::InterruptUartPort<Dma>;
+  const mcu::Stm32V2Options options{.assertion = 16, .deassertion = 12};
+  const Time release = Driver::release_time(*mcu::solve_baud(Dma::kFamily, 170'000'000, 2'500'000), options);
+  return std::make_unique<InterruptRig<Stm32V2Model, Port>>(
+      Stm32Config{.clock_hz = 170'000'000,
+                  .interrupts = true,
+                  .engine = {.start_delay = Time{100}, .access = Time{30}}},
+      InterruptRigConfig{.clock_hz = 170'000'000}, [&](Stm32V2Model& model, auto&) {
+        return Port(Dma(Driver(ModelAccess(model), options), SendChannel(model.send_channel()),
+                        ReceiveChannel(model.receive_channel())),
+                    {}, {.hardware_release = release, .capability = kPort.capability});
       });
 }
 
@@ -98,6 +130,8 @@ INSTANTIATE_TEST_SUITE_P(Interrupts, PortConformance,
                                          {"Stm32V2", stm32_v2<Oversampling::by16, false>},
                                          {"Stm32V2Over8", stm32_v2<Oversampling::by8, false>},
                                          {"Stm32V2Fifo", stm32_v2<Oversampling::by16, true>},
+                                         {"Stm32V1Dma", stm32_v1_dma},
+                                         {"Stm32V2Dma", stm32_v2_dma},
                                          {"Pl011Timer", pl011_timer},
                                          {"CmsdkNoTimer", cmsdk_no_timer},
                                          {"CmsdkTimer", cmsdk_timer<UartPriority::higher>},

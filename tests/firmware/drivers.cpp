@@ -3,6 +3,7 @@
 #include "tm485/mcu/baud.hpp"
 #include "tm485/mcu/cmsdk_uart.hpp"
 #include "tm485/mcu/cycle_counter.hpp"
+#include "tm485/mcu/dma_uart.hpp"
 #include "tm485/mcu/interrupt_uart_port.hpp"
 #include "tm485/mcu/pl011.hpp"
 #include "tm485/mcu/polled_uart_port.hpp"
@@ -44,6 +45,31 @@ template class InterruptUartPort<Stm32UsartV2<Registers, Oversampling::by8>, Cal
 template class InterruptUartPort<Pl011<Registers, Pl011Fifos::off>, CallDirection<Pin>, Shot>;
 template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
 template class InterruptUartPort<CmsdkUart<Registers>, CallDirection<Pin>, Shot>;
+
+/// Two DMA channels as registers: address, count and control.
+struct Send {
+  void start(std::span<const std::uint8_t> bytes) noexcept {
+    registers.write32(4, static_cast<std::uint32_t>(bytes.size()));
+    registers.write32(0, 1);
+  }
+  std::size_t remaining() noexcept { return registers.read32(4); }
+  bool complete() noexcept { return remaining() == 0; }
+  bool failed() noexcept { return false; }
+  void stop() noexcept { registers.write32(0, 0); }
+  VolatileRegisters registers;
+};
+struct Receive {
+  void start(std::span<std::uint8_t> ring) noexcept {
+    registers.write32(4, static_cast<std::uint32_t>(ring.size()));
+    registers.write32(0, 1);
+  }
+  std::size_t remaining() noexcept { return registers.read32(4); }
+  bool failed() noexcept { return false; }
+  void stop() noexcept { registers.write32(0, 0); }
+  VolatileRegisters registers;
+};
+template class InterruptUartPort<DmaUart<Stm32UsartV1<Registers>, Send, Receive>, CallDirection<Pin>>;
+template class InterruptUartPort<DmaUart<Stm32UsartV2<Registers>, Send, Receive>>;
 
 /// A 16-bit timer that counts.
 struct Count {

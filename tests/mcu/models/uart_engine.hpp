@@ -49,6 +49,7 @@ class UartEngine {
   [[nodiscard]] Time now() const { return now_; }
   void advance_to(Time now) {
     while (work_off_one(now)) {
+      if (on_event) on_event();
     }
     if (now > now_) now_ = now;
   }
@@ -60,9 +61,15 @@ class UartEngine {
   std::function<void()> on_access;
   /// The next instant at which something happens by itself; kNever if nothing will.
   [[nodiscard]] Time next_event() const {
-    return std::min(
-        {next_start(), shift_ ? shift_->end : kNever, arriving_.empty() ? kNever : arriving_.front().end});
+    return std::min({next_start(), shift_ ? shift_->end : kNever,
+                     arriving_.empty() ? kNever : arriving_.front().end, silence()});
   }
+  /// Called after everything that happens by itself: what the hardware does at once.
+  std::function<void()> on_event;
+  /// The receiver tells when the line has been silent for `span` behind a character; 0: it does not.
+  void set_silence(Time span) { silence_span_ = span; }
+  /// How often it was.
+  [[nodiscard]] std::uint32_t silences() const { return silences_; }
   /// How often the last stop bit of what was written has left.
   [[nodiscard]] std::uint32_t completions() const { return completions_; }
   /// How often a character has moved from the FIFO into the shift register.
@@ -140,11 +147,21 @@ class UartEngine {
       shift_ = LineCharacter{transmit_.front(), start, start + character_, true};
       transmit_.pop_front();
       ++shifts_;
+    } else if (first == silence()) {
+      silent_from_ = kNever;
+      ++silences_;
     } else {
       receive(arriving_.front(), false);
       arriving_.pop_front();
     }
     return true;
+  }
+
+  /// The end of the silence, unless a character begins before.
+  [[nodiscard]] Time silence() const {
+    if (silent_from_ == kNever || silence_span_ == Time{0}) return kNever;
+    const Time end = silent_from_ + silence_span_;
+    return !arriving_.empty() && arriving_.front().start < end ? kNever : end;
   }
 
   [[nodiscard]] Time next_start() const { return !shift_ && !transmit_.empty() ? next_start_ : kNever; }
@@ -164,6 +181,7 @@ class UartEngine {
 
   void receive(const LineCharacter& character, bool own) {
     if (!enabled_) return;
+    silent_from_ = now_;
     WaitingCharacter waiting{character.byte, !character.stop_bit, !character.stop_bit && character.byte == 0};
     if (!own && config_.judge_driver &&
         (driver_ ? driver_since_ < character.end : driver_since_ > character.start)) {
@@ -195,6 +213,9 @@ class UartEngine {
   bool sent_any_ = false;
   std::deque<LineCharacter> arriving_;
   std::deque<WaitingCharacter> receive_;
+  Time silence_span_{0};
+  Time silent_from_ = kNever;
+  std::uint32_t silences_ = 0;
   std::size_t overruns_ = 0;
   std::uint32_t completions_ = 0;
   std::uint32_t shifts_ = 0;

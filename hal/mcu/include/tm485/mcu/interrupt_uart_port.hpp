@@ -252,10 +252,14 @@ class InterruptUartPort {
   /// anything that the interrupt reads.
   void launch(Time now) noexcept {
     end_ = now + span_;
-    written_ = 1;
+    written_ = SendsRequests<U> ? count_ : 1;
     set_phase(Phase::sending);
     Atomics::fence();
-    uart_.begin(request_[0], count_ > 1);
+    if constexpr (SendsRequests<U>) {
+      uart_.begin(std::span<const std::uint8_t>(request_.data(), count_));
+    } else {
+      uart_.begin(request_[0], count_ > 1);
+    }
   }
 
   /// Interrupt.
@@ -289,13 +293,13 @@ class InterruptUartPort {
     set_phase(Phase::sent);
   }
 
-  /// Interrupt. Bounded, although a receiver that never ran empty would be another fault.
+  /// Interrupt. Bounded; a DMA channel may have moved more than the ring has room for.
   void receive() noexcept {
-    for (std::uint32_t pass = 0; pass != kRoom; ++pass) {
+    for (std::uint32_t pass = 0; pass != 2 * kRoom; ++pass) {
       const ReceivedCharacter character = uart_.try_read();
       if (character.fault == Errc::port_gone) [[unlikely]]
         return gone_.store(1, Atomics::kRelease);
-      if (!character.present) break;
+      if (!character.present && character.fault == Errc::ok) break;
       keep(character);
     }
     if (uart_.take_overrun()) [[unlikely]]

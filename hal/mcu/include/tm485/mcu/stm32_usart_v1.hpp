@@ -13,6 +13,7 @@
 
 #include "tm485/errc.hpp"
 #include "tm485/mcu/baud.hpp"
+#include "tm485/mcu/dma_uart.hpp"
 #include "tm485/mcu/interrupt_uart.hpp"
 #include "tm485/mcu/polled_uart.hpp"
 #include "tm485/mcu/register_access.hpp"
@@ -43,7 +44,7 @@ class Stm32UsartV1 {
     const std::uint32_t rate = stm32_brr(divisor.divisor, S);
     shut_down();
     write(kControl2, 0);  // one stop bit
-    write(kControl3, 0);
+    write(kControl3, dma_ ? kDmaSend | kDmaReceive | kErrorInterrupt : 0U);
     write(kBaudRate, rate);
     if (read(kBaudRate) != rate) return std::unexpected(Errc::port_gone);
     write(kControl1, kOn);
@@ -113,6 +114,23 @@ class Stm32UsartV1 {
     write(kControl1, kOn | kReceivedInterrupt | kTransmitCompleteInterrupt);
   }
 
+  // With two DMA channels, see DmaCapable. Silence: one character's time, which the block calls idle.
+  void use_dma() noexcept { dma_ = true; }
+  void listen_dma() noexcept { write(kControl1, kOn | kIdleInterrupt); }
+  void prepare_dma() noexcept { write(kStatus, ~kTransmitComplete); }
+  void await_dma() noexcept { write(kControl1, kOn | kIdleInterrupt | kTransmitCompleteInterrupt); }
+
+  [[nodiscard]] DmaEvents take_dma_events() noexcept {
+    const std::uint32_t on = read(kControl1);
+    const std::uint32_t due = read(kStatus);
+    // Reading the data behind the status clears them. What was received the DMA has taken long ago.
+    if ((due & (kIdle | kFraming | kOverrun)) != 0) (void)read(kData);
+    return {.complete = (due & on & kTransmitComplete) != 0,
+            .framing = (due & kFraming) != 0,
+            .overrun = (due & kOverrun) != 0,
+            .gone = due == kNobody};
+  }
+
  private:
   // Offsets.
   static constexpr std::size_t kStatus = 0x00;
@@ -124,12 +142,14 @@ class Stm32UsartV1 {
   // Status.
   static constexpr std::uint32_t kFraming = 1U << 1;
   static constexpr std::uint32_t kOverrun = 1U << 3;
+  static constexpr std::uint32_t kIdle = 1U << 4;
   static constexpr std::uint32_t kReceived = 1U << 5;
   static constexpr std::uint32_t kTransmitComplete = 1U << 6;
   static constexpr std::uint32_t kTransmitEmpty = 1U << 7;
   // Control 1.
   static constexpr std::uint32_t kReceiveEnable = 1U << 2;
   static constexpr std::uint32_t kTransmitEnable = 1U << 3;
+  static constexpr std::uint32_t kIdleInterrupt = 1U << 4;
   static constexpr std::uint32_t kReceivedInterrupt = 1U << 5;
   static constexpr std::uint32_t kTransmitCompleteInterrupt = 1U << 6;
   static constexpr std::uint32_t kTransmitEmptyInterrupt = 1U << 7;
@@ -137,6 +157,10 @@ class Stm32UsartV1 {
   static constexpr std::uint32_t kOver8 = 1U << 15;
   static constexpr std::uint32_t kOn =
       kEnable | kTransmitEnable | kReceiveEnable | (S == Oversampling::by8 ? kOver8 : 0U);
+  // Control 3.
+  static constexpr std::uint32_t kErrorInterrupt = 1U << 0;
+  static constexpr std::uint32_t kDmaReceive = 1U << 6;
+  static constexpr std::uint32_t kDmaSend = 1U << 7;
 
   static constexpr std::uint32_t kNobody = 0xFFFF'FFFF;
 
@@ -152,8 +176,10 @@ class Stm32UsartV1 {
 
   R registers_;
   bool lost_ = false;
+  bool dma_ = false;
 };
 
+static_assert(DmaCapable<Stm32UsartV1<VolatileRegisters>>);
 static_assert(InterruptUart<Stm32UsartV1<VolatileRegisters>>);
 
 }  // namespace tm485::mcu

@@ -13,6 +13,7 @@
 
 #include "tm485/errc.hpp"
 #include "tm485/mcu/baud.hpp"
+#include "tm485/mcu/dma_uart.hpp"
 #include "tm485/mcu/interrupt_uart.hpp"
 #include "tm485/mcu/polled_uart.hpp"
 #include "tm485/mcu/register_access.hpp"
@@ -55,9 +56,11 @@ class Stm32UsartV2 {
       return std::unexpected(Errc::bad_argument);
     const std::uint32_t rate = stm32_brr(divisor.divisor, S);
     shut_down();
-    write(kControl2, 0);  // one stop bit
+    write(kControl2, dma_ ? kTimeoutEnable : 0U);  // one stop bit
     write(kControl3, (options_.driver_enable ? kDriverEnable : 0U) |
-                         (options_.driver_enable_low ? kDriverEnableLow : 0U));
+                         (options_.driver_enable_low ? kDriverEnableLow : 0U) |
+                         (dma_ ? kDmaSend | kDmaReceive | kErrorInterrupt : 0U));
+    if (dma_) write(kTimeout, kSilence);
     write(kBaudRate, rate);
     if (read(kBaudRate) != rate) return std::unexpected(Errc::port_gone);
     const std::uint32_t control = kTransmitEnable | kReceiveEnable | (S == Oversampling::by8 ? kOver8 : 0U) |
@@ -130,12 +133,30 @@ class Stm32UsartV2 {
     write(kControl1, on_ | kReceivedInterrupt | kTransmitCompleteInterrupt);
   }
 
+  // With two DMA channels, see DmaCapable. Silence: the receiver's time-out, kSilence bits behind the last stop bit.
+  void use_dma() noexcept { dma_ = true; }
+  void listen_dma() noexcept { write(kControl1, on_ | kTimeoutInterrupt); }
+  void prepare_dma() noexcept { write(kClear, kTransmitCompleteClear); }
+  void await_dma() noexcept { write(kControl1, on_ | kTimeoutInterrupt | kTransmitCompleteInterrupt); }
+
+  [[nodiscard]] DmaEvents take_dma_events() noexcept {
+    const std::uint32_t on = read(kControl1);
+    const std::uint32_t due = read(kStatus);
+    const std::uint32_t found = due & (kTimedOut | kFraming | kOverrun);  // each is cleared in its place
+    if (found != 0) write(kClear, found);
+    return {.complete = (due & on & kTransmitComplete) != 0,
+            .framing = (due & kFraming) != 0,
+            .overrun = (due & kOverrun) != 0,
+            .gone = due == kNobody};
+  }
+
  private:
   // Offsets.
   static constexpr std::size_t kControl1 = 0x00;
   static constexpr std::size_t kControl2 = 0x04;
   static constexpr std::size_t kControl3 = 0x08;
   static constexpr std::size_t kBaudRate = 0x0C;
+  static constexpr std::size_t kTimeout = 0x14;
   static constexpr std::size_t kRequest = 0x18;
   static constexpr std::size_t kStatus = 0x1C;
   static constexpr std::size_t kClear = 0x20;
@@ -152,7 +173,14 @@ class Stm32UsartV2 {
   static constexpr unsigned kDeassertionShift = 16;
   static constexpr unsigned kAssertionShift = 21;
   static constexpr std::uint32_t kFifoEnable = 1U << 29;
+  static constexpr std::uint32_t kTimeoutInterrupt = 1U << 26;
+  // Control 2, and the time-out's bits: one character.
+  static constexpr std::uint32_t kTimeoutEnable = 1U << 23;
+  static constexpr std::uint32_t kSilence = 10;
   // Control 3.
+  static constexpr std::uint32_t kErrorInterrupt = 1U << 0;
+  static constexpr std::uint32_t kDmaReceive = 1U << 6;
+  static constexpr std::uint32_t kDmaSend = 1U << 7;
   static constexpr std::uint32_t kDriverEnable = 1U << 14;
   static constexpr std::uint32_t kDriverEnableLow = 1U << 15;
   // Request.
@@ -164,6 +192,7 @@ class Stm32UsartV2 {
   static constexpr std::uint32_t kReceived = 1U << 5;
   static constexpr std::uint32_t kTransmitComplete = 1U << 6;
   static constexpr std::uint32_t kRoomToSend = 1U << 7;
+  static constexpr std::uint32_t kTimedOut = 1U << 11;
   static constexpr std::uint32_t kFramingClear = 1U << 1;
   static constexpr std::uint32_t kOverrunClear = 1U << 3;
   static constexpr std::uint32_t kTransmitCompleteClear = 1U << 6;
@@ -177,9 +206,11 @@ class Stm32UsartV2 {
 
   R registers_;
   Stm32V2Options options_;
+  bool dma_ = false;
   std::uint32_t on_ = 0;  ///< control 1 without interrupts
 };
 
+static_assert(DmaCapable<Stm32UsartV2<VolatileRegisters>>);
 static_assert(InterruptUart<Stm32UsartV2<VolatileRegisters>>);
 
 }  // namespace tm485::mcu
