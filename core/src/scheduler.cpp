@@ -162,9 +162,13 @@ void Scheduler::begin(Time first) noexcept {
   running_ = true;
   load_step();
   if (phase_.kind == Phase::Kind::epoch) {
-    const Time into = (first + latch_after_ - phase_.epoch) % length_;
-    if (into > Time{0}) slot_ += length_ - into;
-    if (into < Time{0}) slot_ -= into;
+    const Time latch = first + latch_after_;
+    if (latch >= phase_.epoch) {
+      const Time into = left_of(latch - phase_.epoch, length_);
+      if (into > Time{0}) slot_ += length_ - into;
+    } else {
+      slot_ += left_of(phase_.epoch - latch, length_);
+    }
   }
   if (locked_) slot_ = lock_.begin(first);
 }
@@ -186,7 +190,7 @@ void Scheduler::next_step() noexcept {
 std::uint32_t Scheduler::pass(Time until) noexcept {
   std::uint64_t passed = 0;
   if (until - slot_ > length_) {
-    const std::int64_t patterns = (until - slot_) / length_;
+    const std::int64_t patterns = whole_in(until - slot_, length_);
     passed = static_cast<std::uint64_t>(patterns) * pattern_.size();
     slot_ += length_ * patterns;
     if (locked_ && step_ == 0) slot_ = lock_.advance(patterns);
@@ -203,7 +207,7 @@ std::uint32_t Scheduler::pass(Time until) noexcept {
 std::uint32_t Scheduler::give_way(Time free_at) noexcept {
   if (free_) {  // the grid moves
     if (slot_ >= free_at) return 0;
-    const std::int64_t taken = (free_at - slot_ + to_next_ - Time{1}) / to_next_;
+    const std::int64_t taken = whole_in(free_at - slot_ + to_next_ - Time{1}, to_next_);
     slot_ = free_at;
     return static_cast<std::uint32_t>(std::min<std::int64_t>(taken, UINT32_MAX));
   }

@@ -34,7 +34,7 @@ Time ServoLock::begin(Time first) noexcept {
   }
   // The phase is known: the next start that has it.
   const Time behind = first - start_;
-  if (behind > Time{0}) start_ += unit_ * ((behind + unit_ - Time{1}) / unit_);
+  if (behind > Time{0}) start_ += unit_ * whole_in(behind + unit_ - Time{1}, unit_);
   return start_;
 }
 
@@ -47,7 +47,7 @@ Time ServoLock::advance(std::int64_t patterns) noexcept {
 
 void ServoLock::follow(Time tick) noexcept {
   const Time ahead = tick - ahead_ - start_;
-  if (ahead > length_) (void)advance(ahead / length_);
+  if (ahead > length_) (void)advance(whole_in(ahead, length_));
 }
 
 /// `by` in 2^-16 ns.
@@ -61,7 +61,8 @@ void ServoLock::shift(std::int64_t by) noexcept {
 Time ServoLock::error_of(Time tick) const noexcept {
   const std::int64_t unit = unit_.count();
   std::int64_t error = (tick - ahead_ - start_).count();
-  if (error >= unit || error < -unit) error %= unit;
+  if (error >= unit) error = left_of(Time{error}, unit_).count();
+  if (error < -unit) error = -left_of(Time{-error}, unit_).count();
   if (error >= unit / 2) error -= unit;
   if (error < -unit / 2) error += unit;
   return Time{error};

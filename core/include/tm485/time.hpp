@@ -18,4 +18,13 @@ using Time = std::chrono::duration<std::int64_t, std::nano>;
 /// span to it cannot overflow.
 inline constexpr Time kNever{std::int64_t{1} << 62};
 
+/// How many whole `step`s (1 ns or more) `span` holds; 0 if it is negative. No division, which a core without an instruction
+/// for 64 bits makes long: two passes of a short loop for each bit of the answer. Any thread or interrupt.
+[[nodiscard]] std::int64_t whole_in(Time span, Time step) noexcept;
+
+/// What is left of `span` (0 or more) behind them. Bounded likewise.
+[[nodiscard]] inline Time left_of(Time span, Time step) noexcept {
+  return span - step * whole_in(span, step);
+}
+
 }  // namespace tm485

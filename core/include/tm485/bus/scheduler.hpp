@@ -44,8 +44,8 @@ class RequestSpacing {
   Time earliest_{0};
 };
 
-/// The cyclic grid. One owner. Every function: bounded by Pattern::kMaxSteps; a 64-bit division only after a stall,
-/// in begin() and, with a servo clock, in on_servo_tick().
+/// The cyclic grid. One owner. Every function: bounded by Pattern::kMaxSteps; no 64-bit division but in make(). After a
+/// stall, in begin() and, with a servo clock, in on_servo_tick() a whole_in().
 class Scheduler {
  public:
   /// Checks a pattern and its phase against the profile and the port. `profile` must outlive the scheduler.
