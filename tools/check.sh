@@ -12,7 +12,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 # Cheap steps first: what fails, fails early.
-steps=(policy format headers heap model arm gpiod2 tsan clang asan tidy vm)
+steps=(policy format headers heap model arm cost gpiod2 tsan clang asan tidy vm)
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -141,6 +141,9 @@ report_size() {
   ((status == 0)) || printf 'the core has static RAM\n' >&2
   return "$status"
 }
+
+about[cost]="instructions, flash, RAM and stack of the core on Cortex-M, against bench/firmware/record.json (docs/firmware-cost.md)"
+step_cost() { bench/firmware/report.py; }
 
 about[clang]="Clang 19: build and tests"
 step_clang() { build clang-dev && tests_of clang-dev; }
