@@ -20,7 +20,8 @@ void Exchange::on_time(Time now) noexcept {
   const std::size_t missing = std::size_t{reply_length_} - received_;
   const bool headless =
       received_ != 0 && buffer_[0] != request_.bytes()[0];  // behind an echo comes the reply's CF
-  if (expects_echo_ && headless && missing == request_.bytes().size()) return finish(Errc::echo_mismatch);
+  if (profile_->profile().echo && headless && missing == request_.bytes().size())
+    return finish(Errc::echo_mismatch);
   // A fault seen on the way is a better cause than the silence that followed it.
   if (pending_ != Errc::ok) return finish(pending_);
   finish(received_ == 0 ? Errc::timeout : Errc::incomplete_reply);

@@ -80,7 +80,6 @@ class Exchange {
   std::uint8_t received_ = 0;
   std::uint8_t reply_length_ = 0;
   std::uint8_t echo_left_ = 0;
-  bool expects_echo_ = false;
   State state_ = State::idle;
   Errc error_ = Errc::ok;
   Errc pending_ = Errc::ok;  ///< found before the reply was complete; reported when it is
@@ -90,28 +89,25 @@ class Exchange {
   Time request_end_{0};
   Time deadline_{0};
   Time reply_delay_{0};
-  Time t2_min_{0};
-  Time t2_max_{0};
+  const CompiledProfile* profile_ = nullptr;  ///< since begin()
 };
 
 inline void Exchange::begin(const Request& request, Time start, const CompiledProfile& profile,
                             const PortCapability& port) noexcept {
   const Layout& row = layout(request.id());
-  const Time character = profile.character_time();
   request_ = request;
   start_ = start;
-  request_end_ = start + character * row.request_length;
-  t2_min_ = profile.profile().t2_min;
-  t2_max_ = profile.profile().t2_max;
+  request_end_ = start + profile.characters(row.request_length);
+  profile_ = &profile;
   wire_timestamps_ = port.wire_timestamps;
   reply_length_ = row.reply_length;
   received_ = 0;
-  expects_echo_ = profile.profile().echo;
-  echo_left_ = expects_echo_ ? row.request_length : std::uint8_t{0};
+  echo_left_ = profile.profile().echo ? row.request_length : std::uint8_t{0};
   error_ = Errc::ok;
   pending_ = Errc::ok;
   reply_delay_ = Time{0};
-  deadline_ = request_end_ + t2_max_ + character * (row.reply_length + 1) + port.latency_allowance;
+  deadline_ = request_end_ + profile.characters(row.reply_length + 1U) + profile.profile().t2_max +
+              port.latency_allowance;
   state_ = State::waiting;
 }
 
@@ -123,7 +119,9 @@ inline void Exchange::on_received(const Reception& reception, Time now) noexcept
   if (echo_left_ != 0) return on_echo(reception.count);
   if (received_ == 0) {
     reply_delay_ = (wire_timestamps_ ? reception.first_start : now) - request_end_;
-    if (wire_timestamps_ && (reply_delay_ < t2_min_ || reply_delay_ > t2_max_) && pending_ == Errc::ok)
+    const Profile& profile = profile_->profile();
+    const bool early_or_late = reply_delay_ < profile.t2_min || reply_delay_ > profile.t2_max;
+    if (wire_timestamps_ && early_or_late && pending_ == Errc::ok) [[unlikely]]
       pending_ = Errc::t2_out_of_window;
   }
   received_ = static_cast<std::uint8_t>(received_ + reception.count);

@@ -17,12 +17,16 @@ namespace tm485 {
   return sum;
 }
 
+/// The CRC over the four bytes of a word.
+[[nodiscard]] constexpr std::uint8_t crc(std::uint32_t word) noexcept {
+  word ^= word >> 16;
+  word ^= word >> 8;
+  return static_cast<std::uint8_t>(word);
+}
+
 /// The CRC over the eight bytes of a word.
 [[nodiscard]] constexpr std::uint8_t crc(std::uint64_t word) noexcept {
-  auto half = static_cast<std::uint32_t>(word ^ (word >> 32));
-  half ^= half >> 16;
-  half ^= half >> 8;
-  return static_cast<std::uint8_t>(half);
+  return crc(static_cast<std::uint32_t>(word ^ (word >> 32)));
 }
 
 }  // namespace tm485

@@ -22,61 +22,83 @@
 #include "tm485/protocol/status.hpp"
 
 namespace tm485 {
+
+class Frame;
+class Reply;
+
 namespace detail {
 
-/// A reply as words: bytes 0..7 in `low`, bytes 8..10 in `high`, little endian, rest 0.
+/// A reply as words, little endian: bytes 0..3, 4..7 and 8..10, rest 0. Halves of 32 bits, which any core holds in
+/// registers and which need no padding; one of 64 has both halves of `low` in one.
 struct Words {
-  std::uint64_t low = 0;
+  std::uint32_t first = 0;
+  std::uint32_t second = 0;
   std::uint32_t high = 0;
+
+  [[nodiscard]] constexpr std::uint64_t low() const noexcept { return std::uint64_t{second} << 32 | first; }
 };
 
 template <class Word>
 [[nodiscard]] inline Word load(const std::uint8_t* bytes) noexcept {
+#if defined(__ARM_ARCH) && !defined(__ARM_FEATURE_UNALIGNED)
+  // A word must be aligned to be loaded, and memcpy() of one is a call: so by bytes.
+  std::uint32_t word = 0;
+  for (std::size_t i = sizeof(Word); i-- != 0;) word = word << 8 | bytes[i];
+  return static_cast<Word>(word);
+#else
   Word word;
   std::memcpy(&word, bytes, sizeof word);
   return word;
+#endif
 }
 
 /// `bytes` must have 4, 6 or 11 bytes: the lengths of kLayouts.
 [[nodiscard]] constexpr Words load_words(std::span<const std::uint8_t> bytes) noexcept {
   Words words;
   if (std::is_constant_evaluated() || std::endian::native != std::endian::little) {
-    for (std::size_t i = 0; i < bytes.size() && i < 8; ++i) words.low |= std::uint64_t{bytes[i]} << (8 * i);
-    for (std::size_t i = 8; i < bytes.size(); ++i) words.high |= std::uint32_t{bytes[i]} << (8 * (i - 8));
+    for (std::size_t i = 0; i < bytes.size(); ++i) {
+      std::uint32_t& word = i < 4 ? words.first : i < 8 ? words.second : words.high;
+      word |= std::uint32_t{bytes[i]} << (8 * (i % 4));
+    }
     return words;
   }
   const std::uint8_t* const data = bytes.data();
+  words.first = load<std::uint32_t>(data);
   if (bytes.size() == kMaxReply) {  // the last word overlaps byte 7, which is shifted out
-    words.low = load<std::uint64_t>(data);
+    words.second = load<std::uint32_t>(data + 4);
     words.high = load<std::uint32_t>(data + 7) >> 8;
-  } else {
-    words.low = load<std::uint32_t>(data);
-    if (bytes.size() == 6) words.low |= std::uint64_t{load<std::uint16_t>(data + 4)} << 32;
+  } else if (bytes.size() == 6) {
+    words.second = load<std::uint16_t>(data + 4);
   }
   return words;
 }
 
 [[nodiscard]] constexpr std::uint8_t crc(const Words& words) noexcept {
-  return tm485::crc(words.low ^ words.high);
+  return tm485::crc(words.first ^ words.second ^ words.high);
 }
+
+/// That a check has passed. Nobody but Frame and Reply can make one, so they alone make frames and replies, and make them
+/// where they are wanted: an std::expected that is given one copies it twice.
+class Proof {
+  friend class tm485::Frame;
+  friend class tm485::Reply;
+  constexpr explicit Proof() noexcept = default;
+};
 
 }  // namespace detail
 
 /// A reply whose length, CF and CRC hold. What its fields say has not been judged yet.
-/// 16 bytes, trivially copyable. All accessors: any thread or interrupt, constant time.
+/// 12 bytes, trivially copyable. All accessors: any thread or interrupt, constant time.
 class Frame {
   // First, because a constant expression needs the definition before the use.
   template <unsigned At>
   [[nodiscard]] constexpr std::uint8_t byte() const noexcept {
-    if constexpr (At < 8) {
-      return static_cast<std::uint8_t>(words_.low >> (8 * At));
-    } else {
-      return static_cast<std::uint8_t>(words_.high >> (8 * (At - 8)));
-    }
+    const std::uint32_t word = At < 4 ? words_.first : At < 8 ? words_.second : words_.high;
+    return static_cast<std::uint8_t>(word >> (8 * (At % 4)));
   }
   /// The three bytes behind SF: ABS, or ABM in a reply to ID1.
   [[nodiscard]] constexpr std::uint32_t three_bytes() const noexcept {
-    return static_cast<std::uint32_t>(words_.low >> 16) & 0xFFFFFFU;
+    return words_.first >> 16 | (words_.second & 0xFFU) << 16;
   }
 
  public:
@@ -99,8 +121,12 @@ class Frame {
     }
     const detail::Words words = detail::load_words(bytes);
     if (detail::crc(words) != 0) return std::unexpected(Errc::crc_error);
-    return Frame(words);
+    return std::expected<Frame, Errc>(std::in_place, detail::Proof{}, words);
   }
+
+  /// Only parse() can, who has the proof.
+  constexpr Frame(detail::Proof, const detail::Words& words) noexcept
+      : words_{words.first, words.second, words.high} {}
 
   [[nodiscard]] constexpr std::uint8_t cf() const noexcept { return byte<0>(); }
   [[nodiscard]] constexpr DataId id() const noexcept { return static_cast<DataId>((byte<0>() >> 3) & 0xFU); }
@@ -126,7 +152,7 @@ class Frame {
   /// 24 bits as sent; see turns() for the signed count.
   [[nodiscard]] constexpr std::uint32_t abm() const noexcept {
     if (id() == DataId::multi_turn) return three_bytes();
-    return static_cast<std::uint32_t>(words_.low >> 48) | (words_.high & 0xFFU) << 16;
+    return words_.second >> 16 | (words_.high & 0xFFU) << 16;
   }
   /// The turn count: ABM sign-extended from `multi_turn_bits` (8..24; 0: an encoder without, always 0).
   [[nodiscard]] constexpr std::int32_t turns(unsigned multi_turn_bits) const noexcept {
@@ -144,8 +170,6 @@ class Frame {
 
  private:
   friend class Reply;
-  constexpr explicit Frame(const detail::Words& words) noexcept : words_(words) {}
-
   detail::Words words_;
 };
 
@@ -163,7 +187,7 @@ class Reply {
     const detail::Words words = detail::load_words(bytes);
     if (!holds(words, rule, profile)) [[unlikely]]
       return std::unexpected(explain(bytes, id, profile));
-    return Reply(Frame(words));
+    return std::expected<Reply, Errc>(std::in_place, detail::Proof{}, words);
   }
 
   /// The second step alone, for a frame that was already parsed.
@@ -171,21 +195,22 @@ class Reply {
                                                                  const CompiledProfile& profile) noexcept {
     if (!holds(frame.words_, profile.rule(frame.id()), profile))
       return std::unexpected(explain(frame, profile));
-    return Reply(frame);
+    return std::expected<Reply, Errc>(std::in_place, detail::Proof{}, frame.words_);
   }
+
+  /// Only parse() and from() can, who have the proof.
+  constexpr Reply(detail::Proof proof, const detail::Words& words) noexcept : frame_(proof, words) {}
 
   [[nodiscard]] constexpr const Frame& frame() const noexcept { return frame_; }
 
  private:
-  constexpr explicit Reply(const Frame& frame) noexcept : frame_(frame) {}
-
   [[nodiscard]] static constexpr bool holds(const detail::Words& words, const ReplyRule& rule,
                                             const CompiledProfile& profile) noexcept {
-    const std::uint64_t wrong = ((words.low & rule.low_mask) ^ rule.low_expected) |
+    const std::uint64_t wrong = ((words.low() & rule.low_mask) ^ rule.low_expected) |
                                 ((words.high & rule.high_mask) ^ rule.high_expected) | detail::crc(words);
     if (wrong != 0) [[unlikely]]
       return false;
-    return !rule.enid_listed || profile.profile().enids.accepts(Frame(words).enid());
+    return !rule.enid_listed || profile.profile().enids.accepts(Frame(detail::Proof{}, words).enid());
   }
 
   /// The named cause of a refusal; cold.
@@ -204,7 +229,7 @@ class Reply {
   Frame frame_;
 };
 
-static_assert(sizeof(Reply) <= 16);
+static_assert(sizeof(Reply) == 12);
 
 // The accessors of Frame know the places by heart; this ties them to the table.
 static_assert([] {

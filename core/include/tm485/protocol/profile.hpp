@@ -111,18 +111,22 @@ class CompiledProfile {
   [[nodiscard]] constexpr const Profile& profile() const noexcept { return profile_; }
   [[nodiscard]] constexpr const ReplyRule& rule(DataId id) const noexcept { return rules_[index_of(id)]; }
   /// One character on the wire: start bit, eight data bits, stop bit.
-  [[nodiscard]] constexpr Time character_time() const noexcept { return character_; }
+  [[nodiscard]] constexpr Time character_time() const noexcept { return characters(1); }
+  /// So many of them, 0 to 100.
+  [[nodiscard]] constexpr Time characters(std::uint32_t count) const noexcept {
+    return Time{character_ns_ * count};  // 32 bits hold more than 4000 of the slowest
+  }
   /// First start bit to last stop bit of a request.
   [[nodiscard]] constexpr Time request_time(DataId id) const noexcept {
-    return character_ * layout(id).request_length;
+    return characters(layout(id).request_length);
   }
   /// First start bit to last stop bit of a reply.
   [[nodiscard]] constexpr Time reply_time(DataId id) const noexcept {
-    return character_ * layout(id).reply_length;
+    return characters(layout(id).reply_length);
   }
   /// Shortest time from a request's start to the end of the first `bytes` of its reply.
   [[nodiscard]] constexpr Time exchange_min(DataId id, std::size_t bytes) const noexcept {
-    return request_time(id) + profile_.t2_min + character_ * static_cast<std::int64_t>(bytes);
+    return profile_.t2_min + characters(layout(id).request_length + static_cast<std::uint32_t>(bytes));
   }
   /// Shortest time from a request's start to the end of its reply.
   [[nodiscard]] constexpr Time exchange_min(DataId id) const noexcept {
@@ -130,7 +134,8 @@ class CompiledProfile {
   }
   /// Longest time from a request's start to the end of its reply.
   [[nodiscard]] constexpr Time exchange_max(DataId id) const noexcept {
-    return request_time(id) + profile_.t2_max + reply_time(id);
+    const Layout& row = layout(id);
+    return profile_.t2_max + characters(std::uint32_t{row.request_length} + row.reply_length);
   }
   /// Minimum time from this request's start to the next one's.
   [[nodiscard]] constexpr Time t1(DataId id) const noexcept { return profile_.t1[index_of(id)]; }
@@ -147,7 +152,7 @@ class CompiledProfile {
   constexpr explicit CompiledProfile(const Profile& profile) noexcept;
 
   Profile profile_;
-  Time character_;
+  std::uint32_t character_ns_;
   std::array<ReplyRule, kDataIdCount> rules_{};
 };
 

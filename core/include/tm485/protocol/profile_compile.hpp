@@ -87,7 +87,7 @@ inline constexpr Time kLongest = std::chrono::seconds(60);
 }  // namespace detail
 
 constexpr CompiledProfile::CompiledProfile(const Profile& profile) noexcept
-    : profile_(profile), character_(10'000'000'000 / profile.bit_rate) {
+    : profile_(profile), character_ns_(static_cast<std::uint32_t>(10'000'000'000 / profile.bit_rate)) {
   for (std::size_t i = 0; i < kDataIdCount; ++i) rules_[i] = detail::compile_rule(profile, kLayouts[i]);
 }
 
