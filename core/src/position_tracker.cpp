@@ -11,7 +11,10 @@ constexpr std::int64_t kLargestOffset = std::int64_t{1} << 60;
 }  // namespace
 
 PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfig& axis) noexcept
-    : profile_(&profile), axis_(axis) {
+    : profile_(&profile),
+      electrical_offset_(axis.electrical_offset),
+      pole_pairs_(axis.pole_pairs),
+      reversed_(axis.reversed) {
   const unsigned bits = profile.profile().single_turn_bits;
   const std::int64_t rpm = std::clamp<std::int32_t>(axis.max_speed_rpm, 1, 1'000'000);
   const bool counts_turns = profile.profile().multi_turn_bits != 0;
@@ -19,7 +22,7 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
              << bits) +
             std::clamp(axis.zero_offset, -kLargestOffset, kLargestOffset);  // made before start() refuses it
   // Rounded up: a limit may be a little wide, never too narrow.
-  speed_limit_ = (rpm << bits) / (kNsPerMinute >> 20) + 1;
+  speed_limit_ = static_cast<std::uint32_t>((rpm << bits) / (kNsPerMinute >> 20) + 1);  // below 2^29
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
 }
 
@@ -34,6 +37,7 @@ Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
 
 Sample PositionTracker::forget() noexcept {
   has_raw_ = false;
+  raw_ = 0;
   has_reply_ = false;
   referenced_ = false;
   Sample sample;

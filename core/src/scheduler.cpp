@@ -50,9 +50,9 @@ std::expected<Scheduler, CycleRefusal> Scheduler::make(const Pattern& pattern, c
   if (scheduler.length_ > kLongest)
     return refuse(Errc::bad_argument, kLongest / (scheduler.length_ / complete.slot()));
   if (phase.kind == Phase::Kind::servo) {
-    const CycleRefusal refusal = scheduler.check_servo(shortest);
+    const CycleRefusal refusal = scheduler.check_servo(phase.servo, shortest);
     if (refusal.code != Errc::ok) return std::unexpected(refusal);
-    scheduler.lock_ = ServoLock(phase.servo, scheduler.length_, scheduler.latch_after_);
+    scheduler.lock_ = ServoLock(phase.servo, scheduler.length_, scheduler.latch_after());
   }
   return scheduler;
 }
@@ -62,10 +62,10 @@ Scheduler::Scheduler(const Pattern& pattern, const Phase& phase, const CompiledP
     : jitter_margin_(port.jitter_margin),
       uniform_(pattern.size() == 1 && phase.kind != Phase::Kind::servo),
       locked_(phase.kind == Phase::Kind::servo),
+      in_epoch_(phase.kind == Phase::Kind::epoch),
       pattern_(pattern),
       profile_(&profile),
-      phase_(phase),
-      latch_after_(profile.request_time(pattern.step(0).id) + profile.profile().latch_offset) {
+      epoch_(phase.epoch) {
   measure(port);
   load_step();
 }
@@ -93,7 +93,6 @@ void Scheduler::measure(const PortCapability& port) noexcept {
     length_ += to_next;
     const Time slack = to_next - profile_->t1(id);
     total_slack += slack;
-    slack_ = std::min(slack_, slack);
     gap_ = std::max(gap_, slack - 2 * port.jitter_margin);  // the request before is late, and so is this one
   }
   length_ /= 2;
@@ -102,8 +101,8 @@ void Scheduler::measure(const PortCapability& port) noexcept {
     for (std::size_t i = 0; i < pattern_.size(); ++i) sample_gap_ = std::max(sample_gap_, step_length(i));
   }
   const bool nothing_left = total_slack == Time{0} || total_slack < jitter_margin_;
-  free_ = phase_.kind == Phase::Kind::any && nothing_left;
-  const bool each_for_itself = pattern_.size() == 1 && phase_.kind == Phase::Kind::any;
+  free_ = !locked_ && !in_epoch_ && nothing_left;
+  const bool each_for_itself = pattern_.size() == 1 && !locked_ && !in_epoch_;
   tolerance_ = each_for_itself ? jitter_margin_ : std::max(jitter_margin_, kCarried);
 }
 
@@ -119,10 +118,9 @@ Time Scheduler::shortest_slot(const Pattern& pattern, const CompiledProfile& pro
 }
 
 /// One of pattern and servo period is a whole multiple of the other, and the sample is there when the tick comes.
-CycleRefusal Scheduler::check_servo(Time shortest) const noexcept {
+CycleRefusal Scheduler::check_servo(const ServoClock& clock, Time shortest) const noexcept {
   // With more, the drift that the lock can follow would be more in one period than it hears.
   constexpr std::int64_t kMostPeriods = 60;
-  const ServoClock& clock = phase_.servo;
   if (clock.period <= Time{0} || clock.period > kLongest) return {Errc::servo_mismatch};
   const bool pattern_longer = length_ >= clock.period;
   const Time longer = std::max(length_, clock.period);
@@ -148,11 +146,14 @@ Feasibility Scheduler::feasibility() const noexcept {
   Feasibility result;
   result.slot = pattern_.slot();
   result.length = length_;
-  result.slack = slack_;
+  result.slack = kNever;
   result.gap = gap_;
   result.free_running = free_;
-  for (std::size_t i = 0; i < pattern_.size(); ++i)
-    result.ready = std::max(result.ready, longest_ready(pattern_.step(i).id, *profile_));
+  for (std::size_t i = 0; i < pattern_.size(); ++i) {
+    const DataId id = pattern_.step(i).id;
+    result.ready = std::max(result.ready, longest_ready(id, *profile_));
+    result.slack = std::min(result.slack, step_length(i) - profile_->t1(id));
+  }
   return result;
 }
 
@@ -161,13 +162,13 @@ void Scheduler::begin(Time first) noexcept {
   step_ = 0;
   running_ = true;
   load_step();
-  if (phase_.kind == Phase::Kind::epoch) {
-    const Time latch = first + latch_after_;
-    if (latch >= phase_.epoch) {
-      const Time into = left_of(latch - phase_.epoch, length_);
+  if (in_epoch_) {
+    const Time latch = first + latch_after();
+    if (latch >= epoch_) {
+      const Time into = left_of(latch - epoch_, length_);
       if (into > Time{0}) slot_ += length_ - into;
     } else {
-      slot_ += left_of(phase_.epoch - latch, length_);
+      slot_ += left_of(epoch_ - latch, length_);
     }
   }
   if (locked_) slot_ = lock_.begin(first);

@@ -119,7 +119,11 @@ class Scheduler {
             const PortCapability& port) noexcept;
   [[nodiscard]] static Time shortest_slot(const Pattern& pattern, const CompiledProfile& profile,
                                           const PortCapability& port) noexcept;
-  [[nodiscard]] CycleRefusal check_servo(Time shortest) const noexcept;
+  [[nodiscard]] CycleRefusal check_servo(const ServoClock& clock, Time shortest) const noexcept;
+  /// From the start of the pattern's first request to its latch.
+  [[nodiscard]] Time latch_after() const noexcept {
+    return profile_->request_time(pattern_.step(0).id) + profile_->profile().latch_offset;
+  }
   void measure(const PortCapability& port) noexcept;
   [[nodiscard]] Time step_length(std::size_t step) const noexcept {
     return pattern_.slot() * pattern_.step(step).slots;
@@ -145,17 +149,16 @@ class Scheduler {
   bool running_ = false;
   bool uniform_;  ///< one step and no servo clock
   bool locked_;
+  bool in_epoch_;
   bool reads_position_ = false;
 
   Pattern pattern_;
   const CompiledProfile* profile_;
   Time length_{0};
-  Time slack_ = kNever;
   Time gap_{0};
   Time sample_gap_{0};
   Time unwrap_gap_{0};
-  Phase phase_;
-  Time latch_after_;  ///< start of the pattern's first request to its latch
+  Time epoch_;  ///< if in_epoch_
   ServoLock lock_;
 };
 

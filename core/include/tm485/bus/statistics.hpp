@@ -2,6 +2,7 @@
 // Written by the bus's own context.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -24,14 +25,20 @@ struct Histogram {
   static constexpr std::size_t kBins = 16;
   Time origin{0};
   std::uint32_t shift = 8;
+  std::uint32_t count = 0;  ///< of all bins, saturates
   std::array<std::uint32_t, kBins> bins{};
-  std::uint32_t spare = 0;  ///< no padding: statistics cross threads as words
 
   constexpr void add(Time value) noexcept {
-    const std::int64_t bin = (value - origin).count() >> shift;
-    saturating_increment(bins[bin < 0                                   ? 0
-                              : bin >= static_cast<std::int64_t>(kBins) ? kBins - 1
-                                                                        : static_cast<std::size_t>(bin)]);
+    const std::int64_t above = (value - origin).count();
+    std::size_t bin = 0;
+    if (above >= 0) {  // 64-bit shifts by a variable are long
+      const bool long_one = above > UINT32_MAX;
+      bin = long_one ? static_cast<std::size_t>(std::min<std::int64_t>(above >> shift, kBins))
+                     : static_cast<std::uint32_t>(above) >> shift;
+      if (bin >= kBins) bin = kBins - 1;
+    }
+    saturating_increment(bins[bin]);
+    saturating_increment(count);
   }
   /// Lower edge of a bin.
   [[nodiscard]] constexpr Time edge(std::size_t bin) const noexcept {
@@ -49,21 +56,20 @@ class TimeStatistic {
   }
 
   constexpr void add(Time value) noexcept {
-    if (count_ == std::numeric_limits<std::uint32_t>::max()) return;
-    ++count_;
+    if (histogram_.count == std::numeric_limits<std::uint32_t>::max()) return;
     sum_ += value;
     if (value < minimum_) minimum_ = value;
     if (value > maximum_) maximum_ = value;
     histogram_.add(value);
   }
 
-  [[nodiscard]] constexpr std::uint32_t count() const noexcept { return count_; }
+  [[nodiscard]] constexpr std::uint32_t count() const noexcept { return histogram_.count; }
   /// The three are 0 while count() is 0.
-  [[nodiscard]] constexpr Time minimum() const noexcept { return count_ == 0 ? Time{0} : minimum_; }
-  [[nodiscard]] constexpr Time maximum() const noexcept { return count_ == 0 ? Time{0} : maximum_; }
+  [[nodiscard]] constexpr Time minimum() const noexcept { return count() == 0 ? Time{0} : minimum_; }
+  [[nodiscard]] constexpr Time maximum() const noexcept { return count() == 0 ? Time{0} : maximum_; }
   /// Divides; not for the cycle.
   [[nodiscard]] constexpr Time mean() const noexcept {
-    return count_ == 0 ? Time{0} : sum_ / std::int64_t{count_};
+    return count() == 0 ? Time{0} : sum_ / std::int64_t{count()};
   }
   [[nodiscard]] constexpr const Histogram& histogram() const noexcept { return histogram_; }
 
@@ -71,8 +77,6 @@ class TimeStatistic {
   Time minimum_ = kNever;
   Time maximum_ = -kNever;
   Time sum_{0};
-  std::uint32_t count_ = 0;
-  [[maybe_unused]] std::uint32_t spare_ = 0;  ///< no padding
   Histogram histogram_;
 };
 

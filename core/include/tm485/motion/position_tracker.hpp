@@ -72,65 +72,89 @@ class PositionTracker {
   [[nodiscard]] Time unwrap_limit() const noexcept { return unwrap_limit_; }
 
  private:
-  [[nodiscard]] std::expected<std::int64_t, Errc> unwrap(const Frame& frame, Time gap) const noexcept;
+  [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits) const noexcept;
+  [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
   [[nodiscard]] bool reachable(std::int64_t distance, Time elapsed) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
   void take_fields(const Frame& frame) noexcept;
 
   const CompiledProfile* profile_;
-  AxisConfig axis_;
-  std::int64_t offset_;       ///< reference turn and zero offset, in counts
-  std::int64_t speed_limit_;  ///< counts per 2^20 ns
+  std::int64_t offset_;        ///< reference turn and zero offset, in counts
+  std::uint32_t speed_limit_;  ///< counts per 2^20 ns
   Time unwrap_limit_;
 
   // What the last reply left.
-  std::int64_t raw_ = 0;    ///< turns * 2^bits + ABS, unwrapped
+  std::int64_t raw_ = 0;    ///< turns * 2^bits + ABS, unwrapped; 0 without a position
   Time position_latch_{0};  ///< when raw_ was latched
   Time latch_{0};           ///< when the last reply was latched, with a position or without
   Time uncertainty_{0};     ///< of both
   std::uint32_t sequence_ = 0;
+  std::uint32_t electrical_offset_;
   std::int32_t turns_ = 0;
   std::uint32_t announced_hold_ns_ = 0;
   StatusSet status_;
   AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
   DataId id_ = DataId::everything;
+  std::uint16_t pole_pairs_;
+  bool reversed_;
   bool has_raw_ = false;
   bool has_reply_ = false;
   bool has_position_ = false;
   bool referenced_ = false;
 };
 
-inline std::expected<std::int64_t, Errc> PositionTracker::unwrap(const Frame& frame,
-                                                                 Time gap) const noexcept {
+/// How far a frame with turns is from the last position: as a number of as many bits as turns and ABS have together, so
+/// the shaft may have turned by half of them.
+inline std::int64_t PositionTracker::moved(const Frame& frame, unsigned bits,
+                                           unsigned turn_bits) const noexcept {
+  const std::uint32_t turns = frame.abm();
+  const std::uint64_t sent = (std::uint64_t{turns >> (32 - bits)} << 32 | turns << bits) + frame.abs();
+  const std::uint64_t distance = sent - static_cast<std::uint64_t>(raw_);
+  // Sign extension in the half that has the sign: 64-bit shifts by a variable are long.
+  const unsigned above = 64 - bits - turn_bits;
+  if (above < 32) {
+    const auto high = static_cast<std::int32_t>(static_cast<std::uint32_t>(distance >> 32) << above) >> above;
+    return static_cast<std::int64_t>(std::uint64_t{static_cast<std::uint32_t>(high)} << 32 |
+                                     static_cast<std::uint32_t>(distance));
+  }
+  return Frame::sign_extend(static_cast<std::uint32_t>(distance), 64 - above);
+}
+
+/// The step from the last position. Without one, raw_ is zero.
+inline Errc PositionTracker::unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept {
   const Profile& profile = profile_->profile();
   const unsigned bits = profile.single_turn_bits;
-  const std::uint32_t abs = frame.abs();
-  if (frame.id() == DataId::everything && profile.multi_turn_bits != 0) {
-    if (!has_raw_) return (std::int64_t{frame.turns(profile.multi_turn_bits)} << bits) + abs;
-    const std::int64_t turn = raw_ >> bits;
-    const auto step =
-        Frame::sign_extend(frame.abm() - static_cast<std::uint32_t>(turn), profile.multi_turn_bits);
-    return ((turn + step) << bits) + abs;
+  const unsigned turn_bits = profile.multi_turn_bits;
+  if (frame.id() == DataId::everything && turn_bits != 0) {
+    step = moved(frame, bits, turn_bits);
+    return Errc::ok;
   }
   if (!has_raw_) {
-    if (profile.multi_turn_bits != 0) return std::unexpected(Errc::position_lost);
-    return std::int64_t{abs};
+    if (turn_bits != 0) return Errc::position_lost;
+    step = frame.abs();
+    return Errc::ok;
   }
-  if (gap >= unwrap_limit_) return std::unexpected(Errc::position_lost);
-  return raw_ + Frame::sign_extend(abs - static_cast<std::uint32_t>(raw_), bits);
+  if (gap >= unwrap_limit_) return Errc::position_lost;
+  step = Frame::sign_extend(frame.abs() - static_cast<std::uint32_t>(raw_), bits);
+  return Errc::ok;
 }
 
 /// Can a shaft at max_speed_rpm move so far in `elapsed`? Two counts are forgiven: both ends are quantised.
 inline bool PositionTracker::reachable(std::int64_t distance, Time elapsed) const noexcept {
   constexpr std::int64_t kQuantisation = 2;
-  constexpr Time kFine = std::chrono::seconds(10);  // keeps the product in 63 bits
+  constexpr Time kFine{UINT32_MAX};  // a product of 32 and 32 bits
   constexpr Time kLongest = std::chrono::hours(24);
-  if (elapsed > kLongest) elapsed = kLongest;
-  const std::int64_t limit = elapsed > kFine ? speed_limit_ * ((elapsed.count() >> 20) + 1)
-                                             : ((speed_limit_ * elapsed.count()) >> 20) + kQuantisation;
-  return elapsed >= Time{0} && distance <= limit && -distance <= limit;
+  if (elapsed < Time{0}) return false;
+  std::int64_t limit = 0;
+  if (elapsed <= kFine) [[likely]] {
+    const std::uint64_t most = std::uint64_t{speed_limit_} * static_cast<std::uint32_t>(elapsed.count());
+    limit = static_cast<std::int64_t>(most >> 20) + kQuantisation;
+  } else {
+    limit = std::int64_t{speed_limit_} * ((std::min(elapsed, kLongest).count() >> 20) + 1);
+  }
+  return distance <= limit && -distance <= limit;
 }
 
 /// A battery kept the turns over the power-off, and the encoder does not say that they were lost.
@@ -147,14 +171,14 @@ inline bool PositionTracker::turns_survived(const Frame& frame) const noexcept {
 inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
   const unsigned bits = profile_->profile().single_turn_bits;
   const auto single_turn = static_cast<std::uint32_t>(raw_) & ((1U << bits) - 1U);
-  const std::uint32_t angle = (single_turn << (32 - bits)) * axis_.pole_pairs;
+  const std::uint32_t angle = (single_turn << (32 - bits)) * pole_pairs_;
   const std::int64_t position = raw_ - offset_;
-  sample.position_ = axis_.reversed ? -position : position;
+  sample.position_ = reversed_ ? -position : position;
   sample.latch_time_ = latch_;
   sample.sequence_ = ++sequence_;
   sample.single_turn_ = single_turn;
   sample.turns_ = turns_;
-  sample.electrical_angle_ = (axis_.reversed ? 0U - angle : angle) + axis_.electrical_offset;
+  sample.electrical_angle_ = (reversed_ ? 0U - angle : angle) + electrical_offset_;
   sample.latch_uncertainty_ns_ = static_cast<std::uint32_t>(uncertainty_.count());
   sample.status_ = status_;
   sample.enid_ = enid_;
@@ -168,37 +192,45 @@ inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
 
 /// Everything of a reply but its position.
 inline void PositionTracker::take_fields(const Frame& frame) noexcept {
+  const Profile& profile = profile_->profile();
+  if (frame.id() == DataId::everything) [[likely]] {
+    if (profile.multi_turn_bits != 0) turns_ = frame.turns(profile.multi_turn_bits);
+    enid_ = frame.enid();
+    status_ = frame.status();
+    alarm_ = profile.alarms.level(status_);
+    return;
+  }
   const Layout& fields = frame.fields();
-  const unsigned multi_turn_bits = profile_->profile().multi_turn_bits;
-  if (fields.abm_at != 0 && multi_turn_bits != 0) turns_ = frame.turns(multi_turn_bits);
+  if (fields.abm_at != 0 && profile.multi_turn_bits != 0) turns_ = frame.turns(profile.multi_turn_bits);
   if (fields.enid_at != 0) enid_ = frame.enid();
-  if (fields.sf_at != 0) {
-    const StatusSet heard(frame.sf(), frame.almc());  // no ALMC in this reply: none of its bits
-    alarm_ = profile_->profile().alarms.level(heard);
-    status_ = StatusSet(frame.sf(), fields.almc_at != 0 ? frame.almc() : status_.almc());
+  if (fields.sf_at != 0) {  // no ALMC in these: none of its bits
+    alarm_ = profile.alarms.level(StatusSet(frame.sf(), 0));
+    status_ = StatusSet(frame.sf(), status_.almc());
   }
 }
 
 inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertainty) noexcept {
   const Frame& frame = reply.frame();
-  const Layout& fields = frame.fields();
-  if (fields.abs_at != 0) {
+  const DataId id = frame.id();
+  const bool positioned = layout(id).abs_at != 0;
+  if (positioned) {
     // The longest time that can have passed since the last position.
     const Time gap = latch - position_latch_ + uncertainty + uncertainty_;
-    const auto raw = unwrap(frame, gap);
-    if (!raw) return raw.error();
+    std::int64_t step = 0;
+    if (const Errc error = unwrap(frame, gap, step); error != Errc::ok) [[unlikely]]
+      return error;
     if (!has_raw_) {
       referenced_ = turns_survived(frame);
-    } else if (!reachable(*raw - raw_, gap)) {
+    } else if (!reachable(step, gap)) [[unlikely]] {
       return Errc::frames_inconsistent;
     }
-    raw_ = *raw;
+    raw_ += step;
     has_raw_ = true;
     position_latch_ = latch;
   }
   take_fields(frame);
-  id_ = fields.id;
-  has_position_ = fields.abs_at != 0;
+  id_ = id;
+  has_position_ = positioned;
   has_reply_ = true;
   latch_ = latch;
   uncertainty_ = uncertainty;
