@@ -188,6 +188,7 @@ class Bus {
   void slot_passed() noexcept;
   [[nodiscard]] std::expected<Scheduler, CycleRefusal> make_scheduler() const noexcept;
   void begin_due(Time now) noexcept;
+  [[nodiscard]] bool begin_before_cycle(Time now) noexcept;
   [[nodiscard]] bool send(const Request& request, Kind kind, Time now) noexcept;
   [[nodiscard]] Errc check_line(Time now) noexcept;
   [[nodiscard]] bool still_leaving(Time now) noexcept;
@@ -197,7 +198,7 @@ class Bus {
   void receive(Time now) noexcept;
   [[nodiscard]] Errc silence_cause(Time now) noexcept;
   void finish(Time now) noexcept;
-  void finish_cyclic(Time now) noexcept;
+  [[nodiscard]] Errc finish_cyclic(Time now) noexcept;
   void note(const Reply& reply, Time now) noexcept;
   void cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept;
   void finish_startup(Time now) noexcept;
@@ -213,8 +214,7 @@ class Bus {
   void abandon() noexcept;
   void go_stale(Time now) noexcept;
   void settle(Time now) noexcept;
-  void cycle_failed(Errc cause, Time now) noexcept;
-  void give_up(Time now) noexcept;
+  [[nodiscard]] bool cycle_failed(Errc cause, Time now) noexcept;
   void publish(const Sample& sample) noexcept {
     latest_.put(sample);
     announced_ = true;
@@ -227,7 +227,6 @@ class Bus {
   /// How old a held sample may be at most.
   [[nodiscard]] Time valid_for() const noexcept { return config_.max_hold + sample_gap() + held_for_; }
   [[nodiscard]] bool may_take_slots(const Request& request) const noexcept;
-  void lease(Time now) noexcept;
   [[nodiscard]] Time latch_uncertainty(Time seen) const noexcept;
   [[nodiscard]] Time latch_time() const noexcept {
     return exchange_.request_end() + profile_->profile().latch_offset;
@@ -248,15 +247,19 @@ class Bus {
   BusState state_ = BusState::stopped;
   bool settling_ = false;   ///< the last exchange failed: late bytes of it may still come
   bool arrived_ = false;    ///< the exchange is done, and waits for a clock that was read after it
+  bool unsent_ = false;     ///< the exchange failed before anything went out, and poll() has not seen it yet
   bool leaving_ = false;    ///< and when last looked at, its request had not left
   bool announced_ = false;  ///< a sample was published since the request that waits was offered
   Time held_for_{0};        ///< by which an announced hold has stretched the newest fresh sample
-  Time sent_span_{0};       ///< T1 of the last request that the port took, or its exchange if that is longer
+  Time sent_span_{
+      0};  ///< while settling_: T1 of the last request that the port took, or its exchange if longer
   Kind kind_ = Kind::startup;
   std::uint8_t failed_in_a_row_ = 0;
   Time slot_{0};                      ///< of the cyclic exchange under way
   std::optional<Time> cyclic_start_;  ///< of the last cyclic request
   Time fresh_for_{0};                 ///< at this age of its data a sample's successor is overdue
+  Time seen_fresh_for_{0};            ///< and so long after it was seen, whichever comes first
+  Time seen_valid_for_{0};            ///< likewise, until the sample is invalid
   Time fresh_until_{0};
   Time stale_at_ = kNever;  ///< when the published sample becomes invalid
   LineHold hold_ = LineHold::none;

@@ -41,8 +41,12 @@ std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
     const auto scheduler = make_scheduler();
     if (!scheduler) return std::unexpected(scheduler.error());
     scheduler_ = *scheduler;
-    fresh_for_ = scheduler_->sample_gap() + scheduler_->feasibility().ready + capability_.jitter_margin +
-                 capability_.latency_allowance;
+    const Time ready = scheduler_->feasibility().ready;
+    const Time t2_window = profile_->profile().t2_max - profile_->profile().t2_min;
+    const Time gap = scheduler_->sample_gap();
+    fresh_for_ = gap + ready + capability_.jitter_margin + capability_.latency_allowance;
+    seen_fresh_for_ = gap + capability_.jitter_margin + t2_window;
+    seen_valid_for_ = gap + config_.max_hold;
   }
   shape_histograms();
   begin_startup(now);
@@ -77,14 +81,17 @@ Time Bus<P>::poll(Time now) noexcept {
     finish(now);
     verdict = true;
   }
-  if (state_ == BusState::stopped) return kNever;
-  if (settling_) [[unlikely]]
-    (void)check_quiet(now);  // what comes late is counted and dropped
-  if (state_ == BusState::startup && startup_.stage() == StartupStage::quiet) poll_quiet(now);
+  if (state_ != BusState::running || settling_) [[unlikely]] {
+    if (state_ == BusState::stopped) return kNever;
+    if (settling_) (void)check_quiet(now);  // what comes late is counted and dropped
+    if (state_ == BusState::startup && startup_.stage() == StartupStage::quiet) poll_quiet(now);
+  }
   const Time due = next_due(now);
   if (now < due) return wake_up(due);
   if (verdict) return now;
   begin_due(now);
+  if (unsent_) [[unlikely]]
+    finish(now);
   return wake_up(in_flight() ? exchange_.deadline() + Time{1} : next_due(now));
 }
 
@@ -99,9 +106,10 @@ void Bus<P>::go_stale(Time now) noexcept {
 template <Port P>
 Time Bus<P>::next_due(Time now) const noexcept {
   const Time earliest = spacing_.earliest();
-  if (state_ == BusState::startup) {
-    return std::max(startup_.due(), earliest);
-  }
+  const bool only_cycle = background_.empty() && hold_ == LineHold::none;
+  if (state_ == BusState::running && only_cycle) [[likely]]
+    return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
+  if (state_ == BusState::startup) return std::max(startup_.due(), earliest);
   if (candidate(std::max(now, earliest)) != nullptr) return earliest;
   if (hold_ != LineHold::none) return hold_until_;
   return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
@@ -156,18 +164,33 @@ void Bus<P>::begin_due(Time now) noexcept {
     }
     return;
   }
-  if (hold_ != LineHold::none && now >= hold_until_) release_line(now);
-  if (const Request* const first = candidate(now)) return begin_background(*first, now);
-  if (!scheduler_ || hold_ != LineHold::none || now < scheduler_->slot()) return;
-  if (!background_.empty()) [[unlikely]] {
-    const Request& waiting = *background_.next();
-    if (may_steal(waiting)) return begin_background(waiting, now);
-    slot_passed();
+  if (!background_.empty() || hold_ != LineHold::none) [[unlikely]] {
+    if (begin_before_cycle(now)) return;
   }
+  if (!scheduler_ || now < scheduler_->slot()) return;
   if (to_steal_ != 0) --to_steal_;
   resets_in_a_row_ = 0;
   if (cyclic_request_.id() != scheduler_->id()) cyclic_request_ = *Request::make(scheduler_->id());
   (void)send(cyclic_request_, Kind::cyclic, now);
+}
+
+/// What goes before the cycle, or keeps it from the line. False: nothing does, at this slot.
+template <Port P>
+bool Bus<P>::begin_before_cycle(Time now) noexcept {
+  if (hold_ != LineHold::none && now >= hold_until_) release_line(now);
+  if (const Request* const first = candidate(now)) {
+    begin_background(*first, now);
+    return true;
+  }
+  if (!scheduler_ || hold_ != LineHold::none || now < scheduler_->slot()) return true;
+  if (background_.empty()) return false;
+  const Request& waiting = *background_.next();
+  if (may_steal(waiting)) {
+    begin_background(waiting, now);
+    return true;
+  }
+  slot_passed();
+  return false;
 }
 
 /// The cyclic slots that it takes fall out; their cycles show the held sample.
@@ -218,19 +241,20 @@ bool Bus<P>::send(const Request& request, Kind kind, Time now) noexcept {
   const std::expected<Time, Errc> start = obstacle == Errc::ok
                                               ? port_->try_send(request.bytes(), now)
                                               : std::expected<Time, Errc>(std::unexpected(obstacle));
-  exchange_.begin(request, start.value_or(now), *profile_, capability_);
   if (!start) [[unlikely]] {
+    if (!settling_) sent_span_ = span_of(exchange_.request());
+    exchange_.begin(request, now, *profile_, capability_);
     // Nothing went out; still keep the distance, so that a broken port is not asked in a tight loop.
     spacing_.on_start(now, std::min(profile_->t1(request), profile_->t1(DataId::everything)));
     if (kind == Kind::cyclic) scheduler_->on_unused(now, statistics_);
     cyclic_start_.reset();
     exchange_.on_fault(start.error());
-    finish(now);
+    unsent_ = true;  // poll() deals with it: not from here, which would be deep in the stack
     return false;
   }
+  exchange_.begin(request, *start, *profile_, capability_);
   settling_ = false;
   leaving_ = false;
-  sent_span_ = std::max(profile_->t1(request), profile_->exchange_max(request.id()));
   spacing_.on_start(*start, profile_->t1(request));
   if (kind != Kind::cyclic) return true;
   scheduler_->on_start(*start, statistics_);
@@ -306,6 +330,7 @@ Errc Bus<P>::silence_cause(Time now) noexcept {
 template <Port P>
 void Bus<P>::settle(Time now) noexcept {
   settling_ = true;
+  if (!unsent_) sent_span_ = span_of(exchange_.request());
   if (capability_.wire_timestamps) return;
   spacing_.hold_off(now + capability_.latency_allowance);
 }
@@ -331,15 +356,16 @@ void Bus<P>::finish(Time now) noexcept {
   }
   if (exchange_.error() != Errc::ok) [[unlikely]]
     settle(now);
-  switch (kind_) {
-    case Kind::cyclic:
-      return finish_cyclic(now);
-    case Kind::startup:
-      return finish_startup(now);
-    case Kind::background:
-      break;
+  unsent_ = false;
+  if (kind_ == Kind::cyclic) [[likely]] {
+    const Errc failure = finish_cyclic(now);
+    if (failure == Errc::ok || !cycle_failed(failure, now)) return;
+    saturating_increment(statistics_.lost);
+    return begin_startup(now);
   }
-  finish_background(now);
+  if (kind_ == Kind::background) return finish_background(now);
+  finish_startup(now);
+  after_startup_step(now);
 }
 
 /// What the port knows of an exchange that failed by its length or its contents: the line's fault is their cause.

@@ -7,46 +7,50 @@
 
 namespace tm485 {
 
+/// ok, or why the cycle has no sample.
 template <Port P>
-void Bus<P>::finish_cyclic(Time now) noexcept {
+Errc Bus<P>::finish_cyclic(Time now) noexcept {
   saturating_increment(statistics_.cycles);
   if (exchange_.has_reply_delay()) statistics_.reply_delay.add(exchange_.reply_delay());
-  if (exchange_.error() != Errc::ok) return cycle_failed(exchange_.error(), now);
-  const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_);
-  if (!reply) {
+  if (exchange_.error() != Errc::ok) [[unlikely]]
+    return exchange_.error();
+  const DataId id = exchange_.id();
+  const auto reply = Reply::parse(exchange_.reply(), id, *profile_);
+  if (!reply) [[unlikely]] {
     settle(now);
-    return cycle_failed(reply.error(), now);
+    return reply.error();
   }
+  const Time latch = latch_time();
+  const Time overdue = latch + fresh_for_;
+  const Time stale = overdue + config_.max_hold;
   // Held back for longer than a sample is good: by the port, or by an owner that did not call.
-  if (now > latch_time() + fresh_for_ + config_.max_hold) return cycle_failed(Errc::timeout, now);
+  if (now > stale) [[unlikely]]
+    return Errc::timeout;
   // Failures as long as a restart: the encoder may have begun to count anew.
   if (failed_in_a_row_ != 0 && now - last_good_ >= profile_->profile().boot_time_min)
-    return cycle_failed(Errc::position_lost, now);
-  if (layout(exchange_.id()).abs_at == 0 && scheduler_->reads_position()) return note(*reply, now);
+    return Errc::position_lost;
+  if (layout(id).abs_at == 0 && scheduler_->reads_position()) {
+    note(*reply, now);
+    return Errc::ok;
+  }
   Sample& sample = latest_.draft();
-  const Errc error = tracker_.update(*reply, latch_time(), latch_uncertainty(now), sample);
-  if (error != Errc::ok) return cycle_failed(error, now);
-  lease(now);
+  const Errc error = tracker_.update(*reply, latch, latch_uncertainty(now), sample);
+  if (error != Errc::ok) [[unlikely]]
+    return error;
+  held_for_ = Time{0};
+  fresh_until_ = std::min(overdue, now + seen_fresh_for_);
+  stale_at_ = std::min(stale, now + seen_valid_for_);
   const AlarmLevel alarm = sample.alarm();
   latest_.publish();
   announced_ = true;
   cycle_good(*reply, alarm, now);
-}
-
-/// How long the sample of the exchange that has just been seen is good.
-template <Port P>
-void Bus<P>::lease(Time now) noexcept {
-  const Time t2_window = profile_->profile().t2_max - profile_->profile().t2_min;
-  const Time by_age = latch_time() + fresh_for_;
-  held_for_ = Time{0};
-  fresh_until_ = std::min(by_age, now + sample_gap() + capability_.jitter_margin + t2_window);
-  stale_at_ = std::min(by_age, now + sample_gap()) + config_.max_hold;
+  return Errc::ok;
 }
 
 /// A good reply without a position, in a pattern that reads positions in other slots: turns, ENID and status are
 /// news, the position is the last one.
 template <Port P>
-void Bus<P>::note(const Reply& reply, Time now) noexcept {
+[[gnu::noinline]] void Bus<P>::note(const Reply& reply, Time now) noexcept {
   tracker_.note(reply);
   const Sample held = tracker_.hold(now, valid_for());
   publish(held);
@@ -65,8 +69,9 @@ void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept
   record(Errc::ok, now);
 }
 
+/// True if the encoder is given up. Not inlined, as note(): its sample would stand on the stack below every good cycle.
 template <Port P>
-void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
+[[gnu::noinline]] bool Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
   saturating_increment(statistics_.failed);
   record(cause, now);
   const Sample held = tracker_.hold(now, valid_for());
@@ -80,13 +85,7 @@ void Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
   const Time silent = now - last_good_;
   const bool lost = (failed_in_a_row_ == kFewest && silent >= config_.lost_after) ||
                     silent >= profile_->profile().boot_time_min;
-  if (lost || cause == Errc::position_lost) give_up(now);
-}
-
-template <Port P>
-void Bus<P>::give_up(Time now) noexcept {
-  saturating_increment(statistics_.lost);
-  begin_startup(now);
+  return lost || cause == Errc::position_lost;
 }
 
 template <Port P>
@@ -99,7 +98,6 @@ void Bus<P>::finish_startup(Time now) noexcept {
   }
   record(cause, now);
   if (cause != Errc::ok) startup_.on_error(cause, now);
-  after_startup_step(now);
 }
 
 template <Port P>
@@ -146,7 +144,8 @@ void Bus<P>::shape_histograms() noexcept {
 template <Port P>
 void Bus<P>::abandon() noexcept {
   if (in_flight()) {
-    settling_ = true;                  // its request may still be in the port
+    settling_ = true;  // its request may still be in the port
+    sent_span_ = span_of(exchange_.request());
     if (!capability_.wire_timestamps)  // and may have left so much later than estimated
       spacing_.hold_off(exchange_.start() + capability_.latency_allowance +
                         profile_->t1(exchange_.request()));
