@@ -143,7 +143,7 @@ report_size() {
 }
 
 about[cost]="instructions, flash, RAM and stack of the core on Cortex-M, against bench/firmware/record.json (docs/firmware-cost.md)"
-step_cost() { bench/firmware/report.py; }
+step_cost() { bench/firmware/report.py --self-test && bench/firmware/report.py; }
 
 about[clang]="Clang 19: build and tests"
 step_clang() { build clang-dev && tests_of clang-dev; }

@@ -4,6 +4,7 @@
     bench/firmware/report.py            builds, measures, prints the table, compares it with record.json
     bench/firmware/report.py --json     the figures as JSON instead of the table
     bench/firmware/report.py --record   makes them the record: rewrites record.json and docs/firmware-cost.md
+    bench/firmware/report.py --self-test  seeds one fault of each kind and fails unless each is found
 
 Fails if a figure is more than 5 % above the record, if one is missing in either, if a goal that the record meets is missed,
 if the page does not show the record, or if the image holds what it must not. Needs: tools/setup.sh run check.
@@ -16,8 +17,9 @@ from pathlib import Path
 
 sys.dont_write_bytecode = True
 
+import self_test  # noqa: E402
 from callgraph import Refused  # noqa: E402
-from measure import HERE, ROOT, VARIANTS, Variant, build_plugin, compiler  # noqa: E402
+from measure import DIVISIONS, HERE, ROOT, VARIANTS, Variant, build_plugin, compiler  # noqa: E402
 
 RECORD = HERE / "record.json"
 PAGE = ROOT / "docs/firmware-cost.md"
@@ -126,7 +128,16 @@ def main():
     parser.add_argument("--json", action="store_true", help="prints the figures as JSON")
     parser.add_argument("--record", action="store_true", help="makes them the record")
     parser.add_argument("--build", type=Path, default=ROOT / "build/cost", help="folder of the builds (build/cost)")
+    parser.add_argument("--self-test", action="store_true", help="seeds faults that must be found")
     options = parser.parse_args()
+    if options.self_test:
+        missed = []
+        self_test.programs(missed, DIVISIONS)
+        self_test.figures(missed, json.loads(RECORD.read_text()), compare, GOALS)
+        for what in missed:
+            print(f"not found: {what}", file=sys.stderr)
+        print("self-test: " + ("failed" if missed else "every seeded fault was found"))
+        return 1 if missed else 0
     try:
         report, wrong = measure(options.build.resolve())
     except Refused as refusal:

@@ -20,9 +20,13 @@ struct StdAtomics {
   static constexpr auto kAcqRel = std::memory_order_acq_rel;
   static constexpr auto kSeqCst = std::memory_order_seq_cst;
 
-  /// Data that two contexts write stand this far apart: the cache line of the cores that have caches. A core
-  /// without loses some bytes.
+  /// Data that two contexts write stand this far apart: the cache line of cores that have caches and share them. On a
+  /// Cortex-M the contexts are interrupts of one core, so there is nothing to keep apart.
+#if defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
+  static constexpr std::size_t kCacheLine = 8;
+#else
   static constexpr std::size_t kCacheLine = 64;
+#endif
 
   static void fence(std::memory_order order) noexcept { std::atomic_thread_fence(order); }
 };
