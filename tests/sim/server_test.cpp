@@ -68,6 +68,36 @@ TEST(PtyServer, EchoesWhenAsked) {
   EXPECT_EQ(client.receive(5), (Bytes{0x92, 0x92, 0x00, 0x11, 0x83}));
 }
 
+TEST(PtyServer, LosesReplies) {
+  Running running{pty_server("lost=1")};
+  {
+    const Client client{Client::terminal(running.path())};
+    client.send({0x92});
+    EXPECT_TRUE(client.receive(1, kSilenceMs).empty());
+  }
+  const ServerStatistics& counted = running.join().statistics();
+  EXPECT_EQ(counted.replies_lost, 1u);
+  EXPECT_EQ(counted.replies, 0u);
+}
+
+TEST(PtyServer, FlipsBitsOfReplies) {
+  Running running{pty_server("ber=0:1")};
+  {
+    const Client client{Client::terminal(running.path())};
+    client.send({0x92});
+    EXPECT_EQ(client.receive(4), (Bytes{0x6D, 0xFF, 0xEE, 0x7C}));
+  }
+  EXPECT_EQ(running.join().statistics().bits_flipped, 32u);
+}
+
+/// The encoder does not know what it is asked for; the echo is what was sent.
+TEST(PtyServer, FlipsBitsOfRequests) {
+  Running running{pty_server("ber=1:0,echo=on")};
+  const Client client{Client::terminal(running.path())};
+  client.send({0x92});
+  EXPECT_EQ(client.receive(2, kSilenceMs), Bytes{0x92});
+}
+
 TEST(PtyServer, ARequestMayArriveInPieces) {
   Running running{pty_server()};
   const Client client{Client::terminal(running.path())};

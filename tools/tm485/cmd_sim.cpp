@@ -31,6 +31,8 @@ std::expected<sim::SimOptions, Problem> encoder_options(const SimCommandOptions&
   if (options.seed) text += fmt::format(",seed={}", *options.seed);
   if (!options.almc.empty()) text += fmt::format(",almc={}", options.almc);
   if (options.echo) text += ",echo=on";
+  if (!options.ber.empty()) text += fmt::format(",ber={}", options.ber);
+  if (!options.lost.empty()) text += fmt::format(",lost={}", options.lost);
   if (!options.boot.empty()) text += fmt::format(",boot={}", options.boot);
   if (!options.eeprom_pages.empty()) text += fmt::format(",eeprom_pages={}", options.eeprom_pages);
   if (!options.eeprom_write.empty()) text += fmt::format(",eeprom_write={}", options.eeprom_write);
@@ -64,9 +66,12 @@ int run_sim(const SimCommandOptions& options) {
   }
   const auto served = server->serve(stop_flag());
   const auto& requests = server->model().statistics().requests;
-  fmt::print(stderr, "tm485: {} requests, {} replies\n",
-             std::accumulate(requests.begin(), requests.end(), std::uint64_t{0}),
-             server->statistics().replies);
+  const sim::ServerStatistics& counted = server->statistics();
+  const bool faults = !options.ber.empty() || !options.lost.empty();
+  fmt::print(
+      stderr, "tm485: {} requests, {} replies{}\n",
+      std::accumulate(requests.begin(), requests.end(), std::uint64_t{0}), counted.replies,
+      faults ? fmt::format(", {} lost, {} bits wrong", counted.replies_lost, counted.bits_flipped) : "");
   return served ? kExitGood : report(server_problem(served.error()));
 }
 

@@ -80,6 +80,8 @@ struct SimCommandOptions {
   std::optional<std::uint64_t> seed;
   std::string almc;
   bool echo = false;
+  std::string ber;     ///< in the words of sim::parse_sim_options; empty: no wrong bits
+  std::string lost;    ///< likewise, of lost replies
   std::string boot;    ///< how long it is silent after its start; empty: not at all
   std::string eeprom;  ///< file that keeps the EEPROM; empty: none
   // Of the EEPROM, in the words of sim::parse_sim_options; empty: its defaults.

@@ -190,6 +190,9 @@ void add_sim(CLI::App& root, Commands& commands) {
   app.add_option("--seed", options.seed, "Seed of everything random")->check(CLI::NonNegativeNumber);
   app.add_option("--almc", options.almc, "Alarm byte in hexadecimal; SF follows from it");
   app.add_flag("--echo", options.echo, "Send the requests back, as an adapter that hears itself");
+  app.add_option("--ber", options.ber,
+                 "Probability of a wrong bit, or two: of requests and of replies, 0:1e-4");
+  app.add_option("--lost", options.lost, "Probability 0..1 of a reply that does not come");
   app.add_option("--boot", options.boot, "Silent for this long after the start: 300ms");
   app.add_option(
       "--eeprom", options.eeprom,

@@ -16,6 +16,9 @@
 namespace tm485::sim {
 namespace {
 
+/// Bytes that are read in one go.
+constexpr std::size_t kMostAtOnce = 64;
+
 constexpr int kStopPollMs = 50;
 constexpr Time kLongestSleep = std::chrono::milliseconds{kStopPollMs};
 
@@ -44,6 +47,8 @@ Server::Server(const SimOptions& options, std::unique_ptr<Endpoint> endpoint)
     : endpoint_{std::move(endpoint)},
       eeprom_file_{nullptr},
       model_{without_host_timing(options.encoder), options.motion},
+      bit_errors_{options.request_bit_errors, options.reply_bit_errors, options.seed + 3},
+      lost_replies_{options.lost_replies, 0.0, options.seed + 4},
       character_time_{Line{nullptr, options.line}.character_time()},
       echo_{options.line.echo},
       epoch_ns_{monotonic_ns()},
@@ -103,7 +108,7 @@ int Server::poll_ms() const {
 }
 
 std::expected<void, ServerError> Server::serve(const std::atomic<bool>& stop) {
-  std::array<std::uint8_t, 64> buffer{};
+  std::array<std::uint8_t, kMostAtOnce> buffer{};
   while (!stop.load(std::memory_order_relaxed)) {
     const auto count = endpoint_->wait(buffer, poll_ms());
     if (!count) return std::unexpected{count.error()};
@@ -112,6 +117,18 @@ std::expected<void, ServerError> Server::serve(const std::atomic<bool>& stop) {
     if (auto saved = save_eeprom(now()); !saved) return saved;
   }
   return save_eeprom(kNever);  // an orderly end lets the write under way end
+}
+
+/// Wrong bits on the way to the encoder, as on the virtual line: a burst at a time.
+void Server::disturb_request(std::span<std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const std::span<std::uint8_t> part = bytes.first(std::min(bytes.size(), Burst::kCapacity));
+    Burst burst;
+    burst.count = static_cast<std::uint8_t>(part.size());
+    std::ranges::copy(part, burst.bytes.begin());
+    if (bit_errors_.on_burst(burst)) std::copy_n(burst.bytes.begin(), part.size(), part.begin());
+    bytes = bytes.subspan(part.size());
+  }
 }
 
 bool Server::continues_request(Time now) const noexcept {
@@ -131,12 +148,17 @@ void Server::handle(const std::uint8_t* bytes, std::size_t count, const std::ato
   last_answered_ = false;
   statistics_.bytes_in += count;
 
+  // The echo is what the host has sent.
+  std::array<std::uint8_t, kMostAtOnce> heard{};
+  std::copy_n(bytes, count, heard.begin());
+  disturb_request(std::span{heard}.first(count));
+
   Burst reply;
   for (std::size_t k = 0; k < count; ++k) {
     // At most one of these completes a request: what follows without a gap is ignored by the model.
     Burst answer;
     const Time end = start + character_time_;
-    if (model_.on_character(bytes[k], start, end, true, Judged::no, answer)) {
+    if (model_.on_character(heard[k], start, end, true, Judged::no, answer)) {
       reply = answer;
       last_answered_ = true;
     }
@@ -152,6 +174,11 @@ void Server::handle(const std::uint8_t* bytes, std::size_t count, const std::ato
     return;
   }
   line_free_ = reply.driver_off;
+  static_cast<void>(bit_errors_.on_burst(reply));
+  static_cast<void>(lost_replies_.on_burst(reply));
+  statistics_.bits_flipped = bit_errors_.bits_flipped();
+  statistics_.replies_lost = lost_replies_.replies_lost();
+  if (reply.count == 0) return;
   wait_until(reply.start + character_time_ * reply.count, true, stop);
   write(reply.bytes.data(), reply.count);
   ++statistics_.replies;

@@ -10,9 +10,11 @@
 #include <cstdint>
 #include <expected>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "tm485/sim/encoder_model.hpp"
+#include "tm485/sim/faults.hpp"
 #include "tm485/sim/sim_options.hpp"
 #include "tm485/time.hpp"
 
@@ -28,16 +30,19 @@ struct ServerError {
 
 struct ServerStatistics {
   std::uint64_t bytes_in = 0;
-  std::uint64_t replies = 0;
+  std::uint64_t replies = 0;        ///< written, also those with wrong bits
   std::uint64_t bytes_dropped = 0;  ///< not written: the client does not read, or is gone
   std::uint64_t clients = 0;        ///< accepted connections; unix socket only
+  std::uint64_t replies_lost = 0;   ///< by SimOptions::lost_replies
+  std::uint64_t bits_flipped = 0;   ///< by SimOptions::request_bit_errors and reply_bit_errors
 };
 
 class EepromFile;
 class Endpoint;
 
-/// One thread owns it. Of `SimOptions` it takes the encoder, the motion, the line's rate and echo; jitter and
-/// faults belong to the virtual line and are ignored. Destruction removes the link or socket that it made.
+/// One thread owns it. Of `SimOptions` it takes the encoder, the motion, the line's rate and echo, wrong bits and lost
+/// replies; jitter and all other faults belong to the virtual line and are ignored. Destruction removes the link or
+/// socket that it made.
 class Server {
  public:
   /// A new pseudo-terminal in raw mode. `link_path`, if not empty, becomes a symbolic link to it; an existing
@@ -79,6 +84,7 @@ class Server {
   void handle(const std::uint8_t* bytes, std::size_t count, const std::atomic<bool>& stop);
   [[nodiscard]] std::expected<void, ServerError> save_eeprom(Time now);
   [[nodiscard]] int poll_ms() const;
+  void disturb_request(std::span<std::uint8_t> bytes);
   [[nodiscard]] bool continues_request(Time now) const noexcept;
   void write(const std::uint8_t* bytes, std::size_t count);
   [[nodiscard]] Time now() const;
@@ -88,6 +94,8 @@ class Server {
   std::unique_ptr<EepromFile> eeprom_file_;  // null: none
   std::uint64_t saved_generation_ = 0;
   EncoderModel model_;
+  BitErrors bit_errors_;
+  LostCharacters lost_replies_;
   Time character_time_;
   bool echo_;
   std::int64_t epoch_ns_;  // of the monotonic clock
