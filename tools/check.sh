@@ -12,7 +12,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 # Cheap steps first: what fails, fails early.
-steps=(policy format headers heap model arm cost gpiod2 tsan clang asan tidy vm)
+steps=(policy format headers heap model arm cost firmware gpiod2 tsan clang asan tidy vm)
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -213,6 +213,9 @@ step_tidy() {
     return 1
   }
 }
+
+about[firmware]="the firmware examples in QEMU against the simulated encoder (docs/firmware.md)"
+step_firmware() { tools/firmware-test.sh; }
 
 about[vm]="our programs on Debian's own kernels in QEMU: UARTs, GPIO, memory-mapped UART (docs/vm-tests.md)"
 step_vm() {

@@ -1,0 +1,198 @@
+"""What is asked of each firmware example while it runs, and what is a good answer. Each scenario is a function that
+raises Failed; what it answers goes into the table."""
+
+import os
+import random
+import re
+import time
+
+from machine import Encoder, Failed, Machine
+
+PERIOD_NS = 5_000_000
+ALLOWANCE_NS = 20_000_000
+CYCLES = 2000
+RPM = 60
+COUNTS_PER_SECOND = 131072 * RPM // 60
+EEPROM_BYTES = 7 * 127
+PATIENCE_S = 120
+
+POSITION = (
+    r"position (?P<position>-?\d+) counts, velocity (?P<velocity>-?\d+) counts/s, turn (?P<turn>-?\d+), "
+    r"(?P<validity>\w+), age (?P<age>-?\d+) us, at (?P<at>\d+) us"
+)
+
+
+class HostWasLate(Failed):
+    """Cycles failed without a fault: as a rule a host that left a machine alone for longer than the allowance."""
+
+
+def check(condition, what):
+    if not condition:
+        raise Failed(what)
+
+
+def near(value, wanted, tolerance, what):
+    check(abs(value - wanted) <= tolerance, f"{what} is {value}, and not {wanted} within {tolerance}")
+
+
+def position(machine):
+    found = machine.ask("position", POSITION)
+    machine.wait_for(r"(?m)^ok$", 5)
+    answer = {key: found[key] if key == "validity" else int(found[key]) for key in found.groupdict()}
+    answer["text"] = machine.said
+    return answer
+
+
+def statistics(machine):
+    machine.ask("statistics")
+    return {name: int(value) for name, value in re.findall(r"(?m)^(\w+) (-?\d+)$", machine.said)}
+
+
+def errors(machine):
+    """By name, with the count; each has to state cause and remedy."""
+    machine.ask("errors")
+    found = re.findall(r"(?m)^(\d+) (\w+): (.+); (.+)$", machine.said)
+    lines = [line for line in machine.said.splitlines() if re.match(r"\d", line)]
+    check(len(lines) == len(found), f"an error without cause or remedy: {machine.said!r}")
+    return {name: int(count) for count, name, _, _ in found}
+
+
+def run_until(machine, condition, what):
+    """Statistics, once they are as wanted."""
+    last = time.monotonic() + PATIENCE_S
+    while not condition(counted := statistics(machine)):
+        check(time.monotonic() < last, f"{what} did not come about within {PATIENCE_S} s: {counted}")
+        time.sleep(0.25)
+    return counted
+
+
+def start(machine):
+    machine.wait_for("help lists the commands", 20)
+    machine.ask(f"start {PERIOD_NS} {ALLOWANCE_NS}")
+
+
+def motion(machine, encoder, resume=False):
+    """Position and velocity against the motion that the simulator was told. With `resume` a loss is an operator's affair."""
+    last = time.monotonic() + 20
+    while (first := position(machine))["validity"] == "invalid":
+        check(time.monotonic() < last, f"no valid position: {first}")
+        if resume and "'resume' when it may go on" in first["text"]:
+            machine.ask("resume")
+        time.sleep(0.1)
+    time.sleep(1)
+    second = position(machine)
+    passed = time.monotonic() - encoder.since
+    if second["validity"] == "invalid":
+        if resume:
+            return motion(machine, encoder, resume)
+        raise HostWasLate(f"the position became invalid: {second}")
+    moved = (second["position"] - first["position"]) / ((second["at"] - first["at"]) * 1e-6)
+    near(moved, COUNTS_PER_SECOND, 0.03 * COUNTS_PER_SECOND, "the speed by two positions")
+    near(second["velocity"], COUNTS_PER_SECOND, 0.10 * COUNTS_PER_SECOND, "the velocity")
+    near(second["position"], COUNTS_PER_SECOND * passed, 0.5 * COUNTS_PER_SECOND, "the position")
+    near(second["turn"], 1 + second["position"] // 131072, 1, "the turn count, which begins with 1")
+
+
+def bad_input(machine):
+    """Each refused with its reason, and nothing of it happens."""
+    machine.wait_for("help lists the commands", 20)
+    for command, reason in (
+        ("bogus", "no command 'bogus'; help lists them"),
+        ("x" * 60, "a line has at most 47 characters"),
+        ("position", "not started; 'start' begins"),
+        ("start soon", "'soon' is no whole number of nanoseconds"),
+        ("start 99999999999", "'99999999999' is no whole number of nanoseconds"),
+        ("start 50000 4000", "refused, period_below_t1"),
+        ("start 900", "refused, "),
+    ):
+        machine.ask(command, r"(?m)^error: .*\n")
+        check(f"error: {reason}" in machine.said, f"{command!r} was answered {machine.said!r}")
+    machine.ask("start 50000 4000", r"nearest possible: 62500 ns\n")
+    machine.ask("help")
+    for command in ("start", "position", "statistics", "errors", "eeprom", "resume", "quit"):
+        check(re.search(rf"(?m)^{command}  .", machine.said), f"help does not tell of {command}")
+
+
+def eeprom(machine, contents):
+    machine.ask("eeprom")
+    machine.ask("eeprom", r"(?m)^(error: it is being read|eeprom: \d+ bytes)$")
+    machine.wait_for(r"(?m)^eeprom: 889 bytes$", PATIENCE_S)
+    dumped = bytes.fromhex("".join(re.findall(r"(?m)^((?:[0-9A-F]{2})+)$", machine.said)))
+    check(dumped == contents, "the dump is not what the simulator's EEPROM file has")
+
+
+def leave(machine):
+    machine.link.sendall(b"quit\n")
+    code = machine.exit_code()
+    check(code == 0, f"the exit code is {code}")
+
+
+def clean_run(board, program, command, folder):
+    """No faults: bad input, 2000 cycles, motion, EEPROM."""
+    contents = bytes(random.Random(485).randrange(256) for _ in range(EEPROM_BYTES))
+    file = os.path.join(folder, "eeprom.bin")
+    with open(file, "wb") as out:
+        out.write(contents)
+    encoder = Encoder(command, folder, "--rpm", str(RPM), "--eeprom", file, "--eeprom-page", "1ms")
+    machine = None
+    try:
+        machine = Machine(board, program, folder, encoder)
+        bad_input(machine)
+        start_again = f"start {PERIOD_NS} {ALLOWANCE_NS}"
+        machine.ask(start_again)
+        machine.ask(start_again, r"(?m)^error: refused, busy: ")
+        motion(machine, encoder)
+        eeprom(machine, contents)
+        counted = run_until(machine, lambda now: now["cycles"] >= CYCLES, f"{CYCLES} cycles")
+        seen = errors(machine)
+        if counted["failed"] != 0 or seen:
+            raise HostWasLate(f"{counted['failed']} failed cycles, errors {seen}")
+        near(counted["good"], counted["cycles"], 1, "the number of good cycles")
+        check(counted["startups"] == 1 and counted["invalidated"] == 0, f"the encoder was lost: {counted}")
+        check(counted["control_fresh"] > 0, f"the control loop has seen no fresh sample: {counted}")
+        motion(machine, encoder)
+        leave(machine)
+        return counted["cycles"], counted["good"], "0 failed, EEPROM 889 bytes equal"
+    finally:
+        if machine:
+            machine.abort()
+        encoder.abort()
+
+
+def faulty_run(board, program, command, folder):
+    """Lost replies and wrong bits, then a restart of the encoder."""
+    machine = other = None
+    encoder = Encoder(command, folder, "--rpm", str(RPM), "--lost", "0.005", "--ber", "0:1e-4", "--seed", "7")
+    try:
+        machine = Machine(board, program, folder, encoder)
+        start(machine)
+        motion(machine, encoder, resume=True)
+        counted = run_until(
+            machine, lambda now: now["cycles"] >= CYCLES // 2 and now["failed"] >= 10, "1000 cycles, 10 of them failed"
+        )
+        seen = errors(machine)
+        check(seen.get("timeout", 0) > 0, f"lost replies are not counted as timeouts: {seen}")
+        check(seen.get("crc_error", 0) > 0, f"wrong bits are not counted as CRC errors: {seen}")
+        check(counted["good"] > 0 and abs(counted["good"] + counted["failed"] - counted["cycles"]) <= 1, str(counted))
+        account = encoder.ends()
+        check(re.search(r"[1-9]\d* lost, [1-9]\d* bits wrong", account), f"the simulator says: {account}")
+
+        # The encoder is gone: torque off, and it stays so until a command.
+        run_until(machine, lambda now: now["lost"] > counted["lost"], "the loss of the encoder")
+        gone = position(machine)
+        check(gone["validity"] == "invalid" and "'resume' when it may go on" in gone["text"], f"not invalid: {gone}")
+        other = Encoder(command, folder, "--rpm", str(RPM), "--boot", "200ms")
+        back = run_until(machine, lambda now: now["startups"] > counted["startups"], "a start-up")
+        still = position(machine)
+        check(still["validity"] == "invalid", f"valid again without a command: {still}")
+        machine.ask("resume")
+        motion(machine, other, resume=True)
+        run_until(machine, lambda now: now["good"] >= back["good"] + 100, "100 good cycles after the restart")
+        leave(machine)
+        return counted["cycles"], counted["good"], ", ".join(f"{n} {name}" for name, n in seen.items())
+    finally:
+        if machine:
+            machine.abort()
+        encoder.abort()
+        if other:
+            other.abort()

@@ -1,0 +1,97 @@
+#!/usr/bin/env python3
+"""Runs the firmware examples in QEMU: called by tools/firmware-test.sh, which builds what it needs.
+
+    tools/firmware/run.py [--only WORD]...     only what has these words in its name
+
+Each run is a line, PASS or FAIL; then a table, and "N passed, N failed". Exit code 0 if all passed."""
+
+import argparse
+import concurrent.futures
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import checks
+from machine import Failed
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+AT_ONCE = 2
+ATTEMPTS = 3  # of a run without faults on a host that is late
+
+
+class Board(NamedTuple):
+    name: str
+    machine: str  # of QEMU
+    preset: str
+
+
+class Run(NamedTuple):
+    example: str
+    board: Board
+    scenario: str
+    function: object
+
+
+STM32 = Board("stm32f405", "netduinoplus2", "arm")
+MPS2 = Board("mps2_an386", "mps2-an386", "arm")
+
+RUNS = [
+    Run(example, board, scenario, function)
+    for example in ("servo_node",)
+    for board in (STM32, MPS2)
+    for scenario, function in (("clean", checks.clean_run), ("faults", checks.faulty_run))
+]
+
+printing = threading.Lock()
+
+
+def attempt(run, program, folder, name):
+    """A row of the table. Once, but where the host may be to blame: that again, and it is said."""
+    for again in range(ATTEMPTS):
+        place = Path(folder) / str(again)
+        place.mkdir()
+        try:
+            cycles, good, about = run.function(run.board, program, str(ROOT / "build/dev/tools/tm485"), str(place))
+            return (run, "passed", cycles, good, about)
+        except (Failed, OSError) as why:
+            if not isinstance(why, checks.HostWasLate) or again == ATTEMPTS - 1:
+                return (run, "FAILED", "", "", str(why))
+            with printing:
+                print(f"AGAIN {name}: {why}", flush=True)
+
+
+def execute(run):
+    program = ROOT / "build" / run.board.preset / "integrations/firmware" / f"{run.example}_{run.board.name}.elf"
+    name = f"{run.example} on {run.board.machine}, {run.scenario}"
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="tm485-firmware-") as folder:
+        row = attempt(run, str(program), folder, name)
+    with printing:
+        verdict = "PASS" if row[1] == "passed" else "FAIL"
+        print(f"{verdict} {name} ({time.monotonic() - began:.0f} s): {row[4]}", flush=True)
+    return row
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--only", action="append", default=[])
+    words = parser.parse_args().only
+    runs = [run for run in RUNS if all(word in f"{run.example} {run.board.machine} {run.scenario}" for word in words)]
+    if not runs:
+        print("firmware: nothing has these words in its name", file=sys.stderr)
+        return 2
+    with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
+        rows = list(pool.map(execute, runs))
+    print(f"\n{'example':<14} {'machine':<14} {'run':<8} {'cycles':>6} {'good':>6}  result")
+    for run, result, cycles, good, about in rows:
+        print(f"{run.example:<14} {run.board.machine:<14} {run.scenario:<8} {cycles:>6} {good:>6}  {result}: {about}")
+    bad = sum(row[1] != "passed" for row in rows)
+    print(f"\n{len(rows) - bad} passed, {bad} failed")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
