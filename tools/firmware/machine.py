@@ -80,7 +80,13 @@ class Machine:
             listener.listen(1)
             listener.settimeout(20)
             line += ["-chardev", f"socket,id=console,path={path}", "-serial", "chardev:console"]
-        self.process = subprocess.Popen(line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(
+            line,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         if listener:
             try:
                 self.link, _ = listener.accept()
