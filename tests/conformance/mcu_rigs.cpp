@@ -1,8 +1,10 @@
 // PolledUartPort on models of the UARTs of microcontrollers, under the contract.
 #include "conformance/register_rig.hpp"
 #include "mcu/models/cmsdk_model.hpp"
+#include "mcu/models/nrf51_model.hpp"
 #include "mcu/models/stm32_models.hpp"
 #include "tm485/mcu/cmsdk_uart.hpp"
+#include "tm485/mcu/nrf51_uart.hpp"
 #include "tm485/mcu/stm32_usart_v1.hpp"
 #include "tm485/mcu/stm32_usart_v2.hpp"
 
@@ -73,12 +75,33 @@ std::unique_ptr<Rig> cmsdk_gpio() {
   return rig;
 }
 
+/// As if its clock were 40 MHz: the contract's judge talks at 2.5 Mbit/s, and the block makes 1 Mbit/s of its 16 MHz.
+std::unique_ptr<Rig> nrf51_gpio() {
+  using Driver = mcu::Nrf51Uart<ModelAccess<Nrf51Model>>;
+  using Direction = mcu::CallDirection<ModelDriverPin<Nrf51Model>>;
+  using Port = mcu::PolledUartPort<Driver, Direction>;
+  auto rig = std::make_unique<RegisterRig<Nrf51Model, Port>>(
+      Nrf51Config{.clock_hz = 40'000'000, .engine = kJudged},
+      [](Nrf51Model& model) {
+        Port port(Driver(ModelAccess<Nrf51Model>(model)), Direction{ModelDriverPin(model)},
+                  {.driver_lead = Time{1'000}, .capability = kCapability});
+        auto divisor = *Driver::divisor_for(1'000'000);
+        divisor.character_time = Time{4'000};
+        EXPECT_TRUE(port.start(divisor));
+        return port;
+      },
+      Time{200}, 6);
+  rig->with_gaps(Time{1'000});
+  return rig;
+}
+
 INSTANTIATE_TEST_SUITE_P(Microcontrollers, PortConformance,
                          conformance_of({{"Stm32V1Gpio", stm32_v1_gpio},
                                          {"Stm32V1Over8", stm32_v1_over8},
                                          {"Stm32V2Fifo", stm32_v2_fifo},
                                          {"Stm32V2Over8", stm32_v2_over8},
-                                         {"CmsdkGpio", cmsdk_gpio}}),
+                                         {"CmsdkGpio", cmsdk_gpio},
+                                         {"Nrf51Gpio", nrf51_gpio}}),
                          conformance_name);
 
 }  // namespace

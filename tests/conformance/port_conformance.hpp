@@ -62,6 +62,10 @@ class Rig {
   /// The device or the other end vanishes. False: it cannot.
   virtual bool vanish() { return false; }
 
+  /// Between two characters of a request. 0, as the contract has it, but for a block whose transmitter holds one character
+  /// and no other: its gaps are those between two calls of the owner.
+  [[nodiscard]] virtual Time longest_gap() const { return Time{0}; }
+
   // The line.
   /// The far end knows the instants of the wire, and the line can be looked at.
   [[nodiscard]] virtual bool wire_time() const = 0;

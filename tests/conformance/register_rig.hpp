@@ -40,6 +40,9 @@ class RegisterRig : public Rig {
   void answer(std::span<const std::uint8_t> bytes, Time after) override { put(bytes, after, true); }
   /// A block that does not notice a missing stop bit is not asked to tell one.
   void without_framing_errors() { tells_framing_ = false; }
+  /// A block whose transmitter has no buffer leaves gaps within a request, as long as its owner's polls are apart.
+  void with_gaps(Time longest) { longest_gap_ = longest; }
+  [[nodiscard]] Time longest_gap() const override { return longest_gap_; }
   bool answer_broken(std::uint8_t byte) override {
     if (!tells_framing_) return false;
     put(std::array{byte}, Time{3'000}, false);
@@ -74,6 +77,7 @@ class RegisterRig : public Rig {
   Time grain_;
   std::size_t depth_;
   bool tells_framing_ = true;
+  Time longest_gap_{0};
   std::vector<HeardByte> heard_;
 };
 

@@ -5,6 +5,7 @@
 #include "tm485/mcu/cycle_counter.hpp"
 #include "tm485/mcu/dma_uart.hpp"
 #include "tm485/mcu/interrupt_uart_port.hpp"
+#include "tm485/mcu/nrf51_uart.hpp"
 #include "tm485/mcu/pl011.hpp"
 #include "tm485/mcu/polled_uart_port.hpp"
 #include "tm485/mcu/register_access.hpp"
@@ -31,6 +32,7 @@ template class PolledUartPort<Uart16550<Registers>, CallDirection<Pin>>;
 template class PolledUartPort<Stm32UsartV1<Registers>, CallDirection<Pin>>;
 template class PolledUartPort<Stm32UsartV2<Registers>, AutomaticDirection>;
 template class PolledUartPort<CmsdkUart<Registers>, CallDirection<Pin>>;
+template class PolledUartPort<Nrf51Uart<Registers>, CallDirection<Pin>>;
 
 /// A one-shot timer as a register.
 struct Shot {
