@@ -71,8 +71,9 @@ class Machine:
         line += ["-display", "none", "-monitor", "none", "-chardev", "stdio,id=said,signal=off"]
         line += ["-semihosting-config", semihosting]
         if encoder:
-            # Where there is nobody at the other end, the machine goes on alone and tries again each second.
-            line += ["-chardev", f"socket,id=encoder,path={encoder.path},reconnect=1", "-serial", "chardev:encoder"]
+            # With a console the encoder may come and go: QEMU tries again each second. Without, it is there from the start.
+            again = ",reconnect=1" if console else ""
+            line += ["-chardev", f"socket,id=encoder,path={encoder.path}{again}", "-serial", "chardev:encoder"]
         listener = None
         if console:
             listener = socket.socket(socket.AF_UNIX)

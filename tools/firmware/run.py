@@ -38,12 +38,18 @@ class Run(NamedTuple):
 
 STM32 = Board("stm32f405", "netduinoplus2", "arm")
 MPS2 = Board("mps2_an386", "mps2-an386", "arm")
+MICROBIT = Board("microbit", "microbit", "arm-m0plus")
 
 RUNS = [
     Run(example, board, scenario, function)
     for example in ("servo_node", "servo_node_c")
     for board in (STM32, MPS2)
     for scenario, function in (("clean", checks.clean_run), ("faults", checks.faulty_run))
+] + [
+    Run("minimal", MICROBIT, "clean", checks.minimal_clean_run),
+    Run("minimal", MICROBIT, "faults", checks.minimal_faulty_run),
+    Run("vectors", STM32, "clean", checks.vectors_run),
+    Run("vectors", MPS2, "clean", checks.vectors_run),
 ]
 
 printing = threading.Lock()
