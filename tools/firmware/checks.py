@@ -125,7 +125,9 @@ def eeprom(machine, contents):
     machine.ask("eeprom", r"(?m)^(error: it is being read|eeprom: \d+ bytes)$")
     machine.wait_for(r"(?m)^eeprom: 889 bytes$", PATIENCE_S)
     dumped = bytes.fromhex("".join(re.findall(r"(?m)^((?:[0-9A-F]{2})+)$", machine.said)))
-    check(dumped == contents, "the dump is not what the simulator's EEPROM file has")
+    check(len(dumped) == len(contents), f"the dump has {len(dumped)} bytes")
+    wrong = [address for address in range(EEPROM_BYTES) if dumped[address] != contents[address]]
+    check(not wrong, f"the dump is not what the simulator's EEPROM file has, at {wrong}")
 
 
 def leave(machine):
@@ -136,7 +138,7 @@ def leave(machine):
 
 def clean_run(board, program, command, folder):
     """No faults: bad input, 2000 cycles, motion, EEPROM."""
-    contents = bytes(random.Random(485).randrange(256) for _ in range(EEPROM_BYTES))
+    contents = random.Random(485).randbytes(EEPROM_BYTES)
     file = os.path.join(folder, "eeprom.bin")
     with open(file, "wb") as out:
         out.write(contents)

@@ -20,7 +20,7 @@ def allowed(*prefix):
 
 # On a busy machine a wait of 20 ms is soon too short, so these processes go before others where that is allowed. Not at
 # a real-time priority: a machine whose program polls, because it would never let go of its processor.
-POLITE = ["nice", "-n", "-10"] if allowed("nice", "-n", "-10") else []
+POLITE = ["nice", "-n", "-20"] if allowed("nice", "-n", "-20") else []
 AT_ONCE = ["chrt", "--rr", "1"] if allowed("chrt", "--rr", "1") else POLITE
 
 

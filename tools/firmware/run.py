@@ -7,6 +7,7 @@ Each run is a line, PASS or FAIL; then a table, and "N passed, N failed". Exit c
 
 import argparse
 import concurrent.futures
+import os
 import sys
 import tempfile
 import threading
@@ -89,6 +90,10 @@ def main():
     if not runs:
         print("firmware: nothing has these words in its name", file=sys.stderr)
         return 2
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, -20)  # as the machines: a console that nobody reads stops its machine
+    except OSError:
+        pass
     with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
         rows = list(pool.map(execute, runs))
     print(f"\n{'example':<14} {'machine':<14} {'run':<8} {'cycles':>6} {'good':>6}  result")

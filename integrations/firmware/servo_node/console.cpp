@@ -4,6 +4,7 @@
 #include <span>
 
 #include "board.h"
+#include "clock.h"
 #include "tm485/errc.hpp"
 #include "tm485/mcu/baud.hpp"
 #include "tm485/version.hpp"
@@ -223,10 +224,12 @@ bool Console::read_statistics(tm485::Statistics& to) noexcept {
   return false;
 }
 
-/// Waits for room in the transmitter, at most the time of a character many times over: a console may be late.
+/// Waits for room in the transmitter, for ten seconds at most, and then goes on without the character: a console must not
+/// hold up what else main does for ever.
 void Console::put(char character) noexcept {
-  constexpr int kMostLooks = 1'000'000;
-  for (int i = 0; i < kMostLooks && !uart_.try_write(static_cast<std::uint8_t>(character)); ++i) {
+  constexpr std::int64_t kPatience = 10'000'000'000;
+  const std::int64_t until = clock_now() + kPatience;
+  while (!uart_.try_write(static_cast<std::uint8_t>(character)) && clock_now() < until) {
   }
 }
 

@@ -1,6 +1,7 @@
 #include "console.h"
 
 #include "board.h"
+#include "clock.h"
 #include "node.h"
 #include "text.h"
 #include "uart.h"
@@ -9,10 +10,12 @@ static text_line line;
 static bool quit;
 static bool refused;
 
-/* Waits for room in the transmitter, at most the time of a character many times over: a console may be late. */
+/* Waits for room in the transmitter, for ten seconds at most, and then goes on without the character: a console must not
+   hold up what else main does for ever. */
 static void put(void* context, char character) {
+  const int64_t until = clock_now() + 10000000000;
   (void)context;
-  for (unsigned i = 0; i < 1000000u && !uart_write(BOARD_CONSOLE_UART, (uint8_t)character); ++i) {
+  while (!uart_write(BOARD_CONSOLE_UART, (uint8_t)character) && clock_now() < until) {
   }
 }
 static const text_out out = {put, NULL};
