@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what is missing of the Debian packages that a purpose needs; does nothing where nothing is missing.
 #
-#   tools/setup.sh [GROUP...]     groups of tools/packages.txt: run (the default), check, bench, vm
+#   tools/setup.sh [GROUP...]     groups of tools/packages.txt: run (the default), check, bench, firmware, vm
 #
 # Needs bash and apt only. Installs as root or through sudo where that asks for no password; otherwise prints the
 # line to run and exits with 1.
