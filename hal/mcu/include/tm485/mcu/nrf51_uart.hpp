@@ -3,7 +3,7 @@
 //
 // Its top rate is 1 Mbit/s, so in silicon it cannot talk to a TM485 encoder at 2.5 Mbit/s. It is here because QEMU's
 // microbit has it: the machine to run Cortex-M0 code on, with a UART that knows no rate there. It is also the driver that
-// docs/porting.md was tried with.
+// docs/porting.md was made from.
 //
 // The receiver keeps six characters; the transmitter takes a byte only when the one before has left, so the characters of
 // a longer request stand as far apart as the owner polls.
