@@ -33,7 +33,7 @@ run_tests() {
   local folder="$root/build/$1" status=0
   local report="$folder/tests.xml"
   rm -f "$report"
-  quiet "$folder/tests.log" ctest --test-dir "$folder" --label-exclude '^vm$' --parallel "$jobs" --no-tests=error --output-on-failure \
+  quiet "$folder/tests.log" ctest --test-dir "$folder" --label-exclude '^(vm|firmware)$' --parallel "$jobs" --no-tests=error --output-on-failure \
     --output-junit "$report" || status=$?
   passed=0 failed=0
   if [[ -f $report ]]; then

@@ -2,12 +2,15 @@
 """Runs the firmware examples in QEMU: called by tools/firmware-test.sh, which builds what it needs.
 
     tools/firmware/run.py [--only WORD]...     only what has these words in its name
+    tools/firmware/run.py --built ...          as a test of CTest: skipped if something that it needs is not built
 
-Each run is a line, PASS or FAIL; then a table, and "N passed, N failed". Exit code 0 if all passed."""
+Each run is a line, PASS or FAIL; then a table, and "N passed, N failed". Exit codes: 0 all passed, 1 not, 2 usage,
+77 skipped."""
 
 import argparse
 import concurrent.futures
 import os
+import shutil
 import sys
 import tempfile
 import threading
@@ -70,8 +73,19 @@ def attempt(run, program, folder, name):
                 print(f"AGAIN {name}: {why}", flush=True)
 
 
+def program_of(run):
+    return ROOT / "build" / run.board.preset / "integrations/firmware" / f"{run.example}_{run.board.name}.elf"
+
+
+def missing(runs):
+    """What is not there of what the runs need."""
+    needed = sorted({program_of(run) for run in runs}) + [ROOT / "build/dev/tools/tm485"]
+    absent = [str(path.relative_to(ROOT)) for path in needed if not path.exists()]
+    return absent + [tool for tool in ("qemu-system-arm",) if shutil.which(tool) is None]
+
+
 def execute(run):
-    program = ROOT / "build" / run.board.preset / "integrations/firmware" / f"{run.example}_{run.board.name}.elf"
+    program = program_of(run)
     name = f"{run.example} on {run.board.machine}, {run.scenario}"
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="tm485-firmware-") as folder:
@@ -85,11 +99,16 @@ def execute(run):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--only", action="append", default=[])
-    words = parser.parse_args().only
+    parser.add_argument("--built", action="store_true")
+    arguments = parser.parse_args()
+    words = arguments.only
     runs = [run for run in RUNS if all(word in f"{run.example} {run.board.machine} {run.scenario}" for word in words)]
     if not runs:
         print("firmware: nothing has these words in its name", file=sys.stderr)
         return 2
+    if arguments.built and (absent := missing(runs)):
+        print(f"SKIP firmware: not there: {', '.join(absent)}; tools/firmware-test.sh installs and builds it")
+        return 77
     try:
         os.setpriority(os.PRIO_PROCESS, 0, -20)  # as the machines: a console that nobody reads stops its machine
     except OSError:
