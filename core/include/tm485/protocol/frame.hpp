@@ -28,14 +28,36 @@ class Reply;
 
 namespace detail {
 
-/// A reply as words, little endian: bytes 0..3, 4..7 and 8..10, rest 0. Halves of 32 bits, which any core holds in
-/// registers and which need no padding; one of 64 has both halves of `low` in one.
+/// A reply as words, little endian: bytes 0..3, 4..7 and 8..10, rest 0. Where registers have 64 bits the first two are one
+/// word: stored in halves and copied in one piece, they would cost a store-forwarding stall. Elsewhere three words of 32
+/// bits are shorter, and need no padding.
 struct Words {
-  std::uint32_t first = 0;
-  std::uint32_t second = 0;
+#if UINTPTR_MAX > UINT32_MAX
+  std::uint64_t both = 0;
   std::uint32_t high = 0;
 
-  [[nodiscard]] constexpr std::uint64_t low() const noexcept { return std::uint64_t{second} << 32 | first; }
+  constexpr Words() noexcept = default;
+  constexpr Words(std::uint32_t first, std::uint32_t second, std::uint32_t third) noexcept
+      : both(std::uint64_t{second} << 32 | first), high(third) {}
+  constexpr Words(std::uint64_t low, std::uint32_t third) noexcept : both(low), high(third) {}
+  [[nodiscard]] constexpr std::uint32_t first() const noexcept { return static_cast<std::uint32_t>(both); }
+  [[nodiscard]] constexpr std::uint32_t second() const noexcept {
+    return static_cast<std::uint32_t>(both >> 32);
+  }
+  [[nodiscard]] constexpr std::uint64_t low() const noexcept { return both; }
+#else
+  std::uint32_t halves[2]{};
+  std::uint32_t high = 0;
+
+  constexpr Words() noexcept = default;
+  constexpr Words(std::uint32_t first, std::uint32_t second, std::uint32_t third) noexcept
+      : halves{first, second}, high(third) {}
+  [[nodiscard]] constexpr std::uint32_t first() const noexcept { return halves[0]; }
+  [[nodiscard]] constexpr std::uint32_t second() const noexcept { return halves[1]; }
+  [[nodiscard]] constexpr std::uint64_t low() const noexcept {
+    return std::uint64_t{halves[1]} << 32 | halves[0];
+  }
+#endif
 };
 
 template <class Word>
@@ -54,27 +76,26 @@ template <class Word>
 
 /// `bytes` must have 4, 6 or 11 bytes: the lengths of kLayouts.
 [[nodiscard]] constexpr Words load_words(std::span<const std::uint8_t> bytes) noexcept {
-  Words words;
   if (std::is_constant_evaluated() || std::endian::native != std::endian::little) {
-    for (std::size_t i = 0; i < bytes.size(); ++i) {
-      std::uint32_t& word = i < 4 ? words.first : i < 8 ? words.second : words.high;
-      word |= std::uint32_t{bytes[i]} << (8 * (i % 4));
-    }
-    return words;
+    std::uint32_t words[3]{};
+    for (std::size_t i = 0; i < bytes.size(); ++i) words[i / 4] |= std::uint32_t{bytes[i]} << (8 * (i % 4));
+    return {words[0], words[1], words[2]};
   }
   const std::uint8_t* const data = bytes.data();
-  words.first = load<std::uint32_t>(data);
   if (bytes.size() == kMaxReply) {  // the last word overlaps byte 7, which is shifted out
-    words.second = load<std::uint32_t>(data + 4);
-    words.high = load<std::uint32_t>(data + 7) >> 8;
-  } else if (bytes.size() == 6) {
-    words.second = load<std::uint16_t>(data + 4);
+    const std::uint32_t high = load<std::uint32_t>(data + 7) >> 8;
+#if UINTPTR_MAX > UINT32_MAX
+    return {load<std::uint64_t>(data), high};
+#else
+    return {load<std::uint32_t>(data), load<std::uint32_t>(data + 4), high};
+#endif
   }
-  return words;
+  const std::uint32_t second = bytes.size() == 6 ? load<std::uint16_t>(data + 4) : std::uint32_t{0};
+  return {load<std::uint32_t>(data), second, 0};
 }
 
 [[nodiscard]] constexpr std::uint8_t crc(const Words& words) noexcept {
-  return tm485::crc(words.first ^ words.second ^ words.high);
+  return tm485::crc(words.first() ^ words.second() ^ words.high);
 }
 
 /// That a check has passed. Nobody but Frame and Reply can make one, so they alone make frames and replies, and make them
@@ -88,17 +109,17 @@ class Proof {
 }  // namespace detail
 
 /// A reply whose length, CF and CRC hold. What its fields say has not been judged yet.
-/// 12 bytes, trivially copyable. All accessors: any thread or interrupt, constant time.
+/// 12 or 16 bytes, trivially copyable. All accessors: any thread or interrupt, constant time.
 class Frame {
   // First, because a constant expression needs the definition before the use.
   template <unsigned At>
   [[nodiscard]] constexpr std::uint8_t byte() const noexcept {
-    const std::uint32_t word = At < 4 ? words_.first : At < 8 ? words_.second : words_.high;
+    const std::uint32_t word = At < 4 ? words_.first() : At < 8 ? words_.second() : words_.high;
     return static_cast<std::uint8_t>(word >> (8 * (At % 4)));
   }
   /// The three bytes behind SF: ABS, or ABM in a reply to ID1.
   [[nodiscard]] constexpr std::uint32_t three_bytes() const noexcept {
-    return words_.first >> 16 | (words_.second & 0xFFU) << 16;
+    return static_cast<std::uint32_t>(words_.low() >> 16) & 0xFFFFFFU;
   }
 
  public:
@@ -125,8 +146,7 @@ class Frame {
   }
 
   /// Only parse() can, who has the proof.
-  constexpr Frame(detail::Proof, const detail::Words& words) noexcept
-      : words_{words.first, words.second, words.high} {}
+  constexpr Frame(detail::Proof, const detail::Words& words) noexcept : words_(words) {}
 
   [[nodiscard]] constexpr std::uint8_t cf() const noexcept { return byte<0>(); }
   [[nodiscard]] constexpr DataId id() const noexcept { return static_cast<DataId>((byte<0>() >> 3) & 0xFU); }
@@ -152,7 +172,7 @@ class Frame {
   /// 24 bits as sent; see turns() for the signed count.
   [[nodiscard]] constexpr std::uint32_t abm() const noexcept {
     if (id() == DataId::multi_turn) return three_bytes();
-    return words_.second >> 16 | (words_.high & 0xFFU) << 16;
+    return words_.second() >> 16 | (words_.high & 0xFFU) << 16;
   }
   /// The turn count: ABM sign-extended from `multi_turn_bits` (8..24; 0: an encoder without, always 0).
   [[nodiscard]] constexpr std::int32_t turns(unsigned multi_turn_bits) const noexcept {
@@ -229,7 +249,7 @@ class Reply {
   Frame frame_;
 };
 
-static_assert(sizeof(Reply) == 12);
+static_assert(sizeof(Reply) <= 16);
 
 // The accessors of Frame know the places by heart; this ties them to the table.
 static_assert([] {
