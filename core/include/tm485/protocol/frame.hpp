@@ -46,16 +46,14 @@ struct Words {
   }
   [[nodiscard]] constexpr std::uint64_t low() const noexcept { return both; }
 #else
-  std::uint32_t halves[2]{};
+  std::uint32_t low_half = 0;
+  std::uint32_t high_half = 0;
   std::uint32_t high = 0;
 
-  constexpr Words() noexcept = default;
-  constexpr Words(std::uint32_t first, std::uint32_t second, std::uint32_t third) noexcept
-      : halves{first, second}, high(third) {}
-  [[nodiscard]] constexpr std::uint32_t first() const noexcept { return halves[0]; }
-  [[nodiscard]] constexpr std::uint32_t second() const noexcept { return halves[1]; }
+  [[nodiscard]] constexpr std::uint32_t first() const noexcept { return low_half; }
+  [[nodiscard]] constexpr std::uint32_t second() const noexcept { return high_half; }
   [[nodiscard]] constexpr std::uint64_t low() const noexcept {
-    return std::uint64_t{halves[1]} << 32 | halves[0];
+    return std::uint64_t{high_half} << 32 | low_half;
   }
 #endif
 };
@@ -82,16 +80,24 @@ template <class Word>
     return {words[0], words[1], words[2]};
   }
   const std::uint8_t* const data = bytes.data();
+#if UINTPTR_MAX > UINT32_MAX
   if (bytes.size() == kMaxReply) {  // the last word overlaps byte 7, which is shifted out
     const std::uint32_t high = load<std::uint32_t>(data + 7) >> 8;
-#if UINTPTR_MAX > UINT32_MAX
     return {load<std::uint64_t>(data), high};
-#else
-    return {load<std::uint32_t>(data), load<std::uint32_t>(data + 4), high};
-#endif
   }
   const std::uint32_t second = bytes.size() == 6 ? load<std::uint16_t>(data + 4) : std::uint32_t{0};
   return {load<std::uint32_t>(data), second, 0};
+#else
+  Words words;
+  words.low_half = load<std::uint32_t>(data);
+  if (bytes.size() == kMaxReply) {
+    words.high_half = load<std::uint32_t>(data + 4);
+    words.high = load<std::uint32_t>(data + 7) >> 8;
+  } else if (bytes.size() == 6) {
+    words.high_half = load<std::uint16_t>(data + 4);
+  }
+  return words;
+#endif
 }
 
 [[nodiscard]] constexpr std::uint8_t crc(const Words& words) noexcept {
@@ -146,7 +152,12 @@ class Frame {
   }
 
   /// Only parse() can, who has the proof.
+#if UINTPTR_MAX > UINT32_MAX
   constexpr Frame(detail::Proof, const detail::Words& words) noexcept : words_(words) {}
+#else  // one by one: as a whole GCC keeps them in memory on the way
+  constexpr Frame(detail::Proof, const detail::Words& words) noexcept
+      : words_{words.low_half, words.high_half, words.high} {}
+#endif
 
   [[nodiscard]] constexpr std::uint8_t cf() const noexcept { return byte<0>(); }
   [[nodiscard]] constexpr DataId id() const noexcept { return static_cast<DataId>((byte<0>() >> 3) & 0xFU); }
