@@ -22,7 +22,7 @@ import checks
 from machine import Failed
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-AT_ONCE = 2
+AT_ONCE = 1  # two machines beside each other on two cores leave their encoders too little
 ATTEMPTS = 3  # of a run without faults on a host that is late
 
 
