@@ -60,7 +60,7 @@ struct Words {
 
 template <class Word>
 [[nodiscard]] inline Word load(const std::uint8_t* bytes) noexcept {
-#if defined(__ARM_ARCH) && !defined(__ARM_FEATURE_UNALIGNED)
+#if defined(__ARM_ARCH) && !defined(__ARM_FEATURE_UNALIGNED) && UINTPTR_MAX <= UINT32_MAX
   // A word must be aligned to be loaded, and memcpy() of one is a call: so by bytes.
   std::uint32_t word = 0;
   for (std::size_t i = sizeof(Word); i-- != 0;) word = word << 8 | bytes[i];
