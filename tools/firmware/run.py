@@ -23,7 +23,6 @@ from machine import Failed
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 AT_ONCE = 1  # two machines beside each other on two cores leave their encoders too little
-ATTEMPTS = 3  # of a run without faults on a host that is late
 
 
 class Board(NamedTuple):
@@ -59,15 +58,16 @@ printing = threading.Lock()
 
 
 def attempt(run, program, folder, name):
-    """A row of the table. Once, but where the host may be to blame: that again, and it is said."""
-    for again in range(ATTEMPTS):
+    """A row of the table. Once, but where the host may be to blame: that again, with more patience, and it is said."""
+    for again, pace in enumerate(checks.PACES):
         place = Path(folder) / str(again)
         place.mkdir()
         try:
-            cycles, good, about = run.function(run.board, program, str(ROOT / "build/dev/tools/tm485"), str(place))
+            tool = str(ROOT / "build/dev/tools/tm485")
+            cycles, good, about = run.function(run.board, program, tool, str(place), pace)
             return (run, "passed", cycles, good, about)
         except (Failed, OSError) as why:
-            if not isinstance(why, checks.HostWasLate) or again == ATTEMPTS - 1:
+            if not isinstance(why, checks.HostWasLate) or pace is checks.PACES[-1]:
                 return (run, "FAILED", "", "", str(why))
             with printing:
                 print(f"AGAIN {name}: {why}", flush=True)
