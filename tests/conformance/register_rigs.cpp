@@ -82,6 +82,33 @@ std::unique_ptr<Rig> uart16550_halves_rts() {
       Time{300}, 16);
 }
 
+/// MmioUart, on a model where it has mapped memory.
+template <class M>
+std::unique_ptr<Rig> mmio_rig(const auto& config, linux_hal::MmioBlock block, std::uint32_t clock_hz,
+                              const mcu::Layout16550& layout, std::size_t depth) {
+  using Port = linux_hal::MmioPort<ModelAccess<M>>;
+  return std::make_unique<RegisterRig<M, Port>>(
+      config,
+      [=](M& model) {
+        Port port(block, ModelAccess<M>(model), layout,
+                  MmioDirection{MmioDirection::Kind::call, ModelDriverPin(model)},
+                  {.driver_lead = Time{1'000}, .capability = kCapability});
+        const auto family =
+            block == linux_hal::MmioBlock::pl011 ? Pl011Driver::kFamily : Uart16550Driver::kFamily;
+        EXPECT_TRUE(port.start(*mcu::solve_baud(family, clock_hz, 2'500'000)));
+        return port;
+      },
+      Time{200}, depth);
+}
+std::unique_ptr<Rig> mmio_pl011() {
+  return mmio_rig<Pl011Model>(Pl011Config{.engine = kJudged}, linux_hal::MmioBlock::pl011, 48'000'000, {},
+                              32);
+}
+std::unique_ptr<Rig> mmio_uart16550() {
+  return mmio_rig<Uart16550Model>(Uart16550Config{.shift = 2, .width = 4, .engine = kJudged},
+                                  linux_hal::MmioBlock::ns16550, 40'000'000, {.shift = 2, .width = 4}, 16);
+}
+
 INSTANTIATE_TEST_SUITE_P(Registers, PortConformance,
                          conformance_of({{"Pl011", pl011_automatic},
                                          {"Pl011Gpio", make_pl011_rig},
@@ -89,7 +116,9 @@ INSTANTIATE_TEST_SUITE_P(Registers, PortConformance,
                                          {"Pl011RtsOff", pl011_rts_off},
                                          {"Uart16550", uart16550_automatic},
                                          {"Uart16550WordsGpio", uart16550_words_gpio},
-                                         {"Uart16550HalvesRts", uart16550_halves_rts}}),
+                                         {"Uart16550HalvesRts", uart16550_halves_rts},
+                                         {"MmioPl011", mmio_pl011},
+                                         {"MmioUart16550", mmio_uart16550}}),
                          conformance_name);
 
 }  // namespace

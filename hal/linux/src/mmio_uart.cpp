@@ -129,33 +129,24 @@ std::expected<MmioUart, OsError> MmioUart::open(const MmioOptions& options) {
                                      .capability = capability_of(options)};
   // From here on the destructor leaves the UART as it should be left.
   MmioUart port(std::move(*mapping),
-                is_pl011
-                    ? AnyUart(std::in_place_type<Pl011Port>, mcu::Pl011(registers), options.direction, config)
-                    : AnyUart(std::in_place_type<Uart16550Port>, mcu::Uart16550(registers, options.layout),
-                              options.direction, config),
-                *divisor);
-  const auto started = port.with([&](auto& uart) { return uart.start(*divisor); });
+                MmioPort(options.block, registers, options.layout, options.direction, config), *divisor);
+  const auto started = port.start(*divisor);
   if (!started) return std::unexpected(setup_refused(options, started.error()));
   return port;
 }
 
 MmioUart& MmioUart::operator=(MmioUart&& other) noexcept {
   if (this == &other) return *this;
-  stop();
+  close();
+  MmioPort::operator=(std::move(other));
   mapping_ = std::move(other.mapping_);
-  port_ = std::move(other.port_);
   divisor_ = other.divisor_;
   return *this;
 }
 
 void MmioUart::close() noexcept {
-  stop();
+  MmioPort::close();
   mapping_ = MemoryMapping();
-  with([](auto& port) { port.direction() = MmioDirection(); });
-}
-
-void MmioUart::stop() noexcept {
-  if (mapping_.valid()) with([](auto& port) { port.stop(); });
 }
 
 }  // namespace tm485::linux_hal
