@@ -251,8 +251,7 @@ class Bus {
   bool leaving_ = false;    ///< and when last looked at, its request had not left
   bool announced_ = false;  ///< a sample was published since the request that waits was offered
   Time held_for_{0};        ///< by which an announced hold has stretched the newest fresh sample
-  Time sent_span_{
-      0};  ///< while settling_: T1 of the last request that the port took, or its exchange if longer
+  Time sent_span_{0};       ///< while settling_: span_of() the last request that the port took
   Kind kind_ = Kind::startup;
   std::uint8_t failed_in_a_row_ = 0;
   Time slot_{0};                      ///< of the cyclic exchange under way

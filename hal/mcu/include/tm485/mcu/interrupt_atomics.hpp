@@ -4,18 +4,13 @@
 #include <atomic>
 #include <cstddef>
 
+#include "tm485/sync/atomics.hpp"
+
 namespace tm485::mcu {
 
-/// As StdAtomics, for one core: only loads and stores are used with it (Cortex-M0 has nothing more), and nothing is
-/// spread over cache lines.
-struct InterruptAtomics {
-  template <class T>
-  using Atomic = std::atomic<T>;
-
-  static constexpr auto kRelaxed = std::memory_order_relaxed;
-  static constexpr auto kAcquire = std::memory_order_acquire;
-  static constexpr auto kRelease = std::memory_order_release;
-
+/// As StdAtomics, on one core: only loads and stores are used with it (Cortex-M0 has nothing more), and nothing is spread
+/// over cache lines.
+struct InterruptAtomics : StdAtomics {
   static constexpr std::size_t kCacheLine = alignof(void*);
 
   /// Keeps the compiler from moving accesses across it; one core sees its own in order.
