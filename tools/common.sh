@@ -28,13 +28,15 @@ build() {
   printf 'built %s in %d s\n' "$preset" $((SECONDS - started))
 }
 
-# run_tests PRESET: runs every test of a build, but those in a virtual machine (tools/vm-test.sh); sets `passed` and `failed`. A build without tests is a failure.
+# run_tests PRESET [ARGUMENT OF CTEST...]: runs every test of a build, but those in an emulator (tools/vm-test.sh,
+# tools/firmware-test.sh); sets `passed` and `failed`. No test at all is a failure.
 run_tests() {
   local folder="$root/build/$1" status=0
+  shift
   local report="$folder/tests.xml"
   rm -f "$report"
   quiet "$folder/tests.log" ctest --test-dir "$folder" --label-exclude '^(vm|firmware)$' --parallel "$jobs" --no-tests=error --output-on-failure \
-    --output-junit "$report" || status=$?
+    --output-junit "$report" "$@" || status=$?
   passed=0 failed=0
   if [[ -f $report ]]; then
     passed=$(grep -c '<testcase .*status="run"' "$report" || true)
