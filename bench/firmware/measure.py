@@ -34,6 +34,7 @@ PARTS = {
     "errc": "codec",
     "servo_lock": "scheduler",
     "time": "scheduler",
+    "plausibility": "position",
     "position_tracker": "position",
     "axis_client": "axis",
 }

@@ -12,6 +12,7 @@ constexpr std::int64_t kLargestOffset = std::int64_t{1} << 60;
 
 PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfig& axis) noexcept
     : profile_(&profile),
+      gate_(profile.profile().single_turn_bits, axis),
       electrical_offset_(axis.electrical_offset),
       pole_pairs_(axis.pole_pairs),
       reversed_(axis.reversed) {
@@ -21,8 +22,6 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
   offset_ = (std::int64_t{counts_turns ? axis.reference_turn.value_or(profile.profile().multi_turn_start) : 0}
              << bits) +
             std::clamp(axis.zero_offset, -kLargestOffset, kLargestOffset);  // made before start() refuses it
-  // Rounded up: a limit may be a little wide, never too narrow.
-  speed_limit_ = static_cast<std::uint32_t>((rpm << bits) / (kNsPerMinute >> 20) + 1);  // below 2^29
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
 }
 
@@ -38,24 +37,12 @@ Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
 Sample PositionTracker::forget() noexcept {
   has_raw_ = false;
   raw_ = 0;
+  gate_.forget();
   has_reply_ = false;
   referenced_ = false;
   Sample sample;
   compose(Quality::invalid, sample);
   return sample;
-}
-
-bool PositionTracker::consistent(const Frame& earlier, const Frame& later, Time elapsed) const noexcept {
-  const Profile& profile = profile_->profile();
-  const unsigned bits = profile.single_turn_bits;
-  std::int64_t moved = 0;
-  if (profile.multi_turn_bits != 0) {
-    const std::int64_t turns = Frame::sign_extend(later.abm() - earlier.abm(), profile.multi_turn_bits);
-    moved = turns * (std::int64_t{1} << bits) + later.abs() - earlier.abs();
-  } else {
-    moved = Frame::sign_extend(later.abs() - earlier.abs(), bits);
-  }
-  return reachable(moved, elapsed);
 }
 
 }  // namespace tm485

@@ -10,9 +10,6 @@ namespace {
 /// enough to leave a host some.
 constexpr Time kAskAgain = std::chrono::milliseconds(1);
 
-/// Any good frame, to have a Frame before the first one came: ENID 0 to ID2.
-constexpr std::array<std::uint8_t, 4> kAnyFrame{0x92, 0x00, 0x00, 0x92};
-
 }  // namespace
 
 std::string_view name(StartupStage stage) noexcept {
@@ -21,11 +18,8 @@ std::string_view name(StartupStage stage) noexcept {
   return kNames[static_cast<std::size_t>(stage) % kNames.size()];
 }
 
-Startup::Startup(const CompiledProfile& profile, const PositionTracker& tracker, std::uint8_t frames) noexcept
-    : profile_(&profile),
-      tracker_(&tracker),
-      frames_wanted_(std::max<std::uint8_t>(frames, 2)),
-      previous_(*Frame::parse(kAnyFrame)) {}
+Startup::Startup(const CompiledProfile& profile, PositionTracker& tracker, std::uint8_t frames) noexcept
+    : profile_(&profile), tracker_(&tracker), frames_wanted_(std::max<std::uint8_t>(frames, 2)) {}
 
 void Startup::begin(Time now, Time latency) noexcept {
   stage_ = StartupStage::quiet;
@@ -64,7 +58,8 @@ void Startup::on_frame(const Frame& frame, Time latch, Time uncertainty, Time no
     enter(StartupStage::identify);
     return;
   }
-  if (const auto reply = Reply::from(frame, *profile_); !reply) return fail(reply.error());
+  const auto reply = Reply::from(frame, *profile_);
+  if (!reply) return fail(reply.error());
   switch (stage_) {
     case StartupStage::identify:
       enid_ = frame.enid();
@@ -73,27 +68,20 @@ void Startup::on_frame(const Frame& frame, Time latch, Time uncertainty, Time no
     case StartupStage::cross_check:
       if (frame.enid() != enid_) return fail(Errc::enid_inconsistent);
       enter(StartupStage::consistent);
-      frames_seen_ = 1;
-      previous_ = frame;
-      previous_latch_ = latch;
-      previous_uncertainty_ = uncertainty;
+      frames_seen_ = 0;
+      check_consistency(*reply, latch, uncertainty);
       break;
     case StartupStage::consistent:
-      check_consistency(frame, latch, uncertainty);
+      check_consistency(*reply, latch, uncertainty);
       break;
     default:
       break;
   }
 }
 
-void Startup::check_consistency(const Frame& frame, Time latch, Time uncertainty) noexcept {
-  const Time elapsed = latch - previous_latch_;
-  if (frame.enid() != enid_) return fail(Errc::enid_inconsistent);
-  if (!tracker_->consistent(previous_, frame, elapsed + previous_uncertainty_ + uncertainty))
-    return fail(Errc::frames_inconsistent);
-  previous_ = frame;
-  previous_latch_ = latch;
-  previous_uncertainty_ = uncertainty;
+void Startup::check_consistency(const Reply& reply, Time latch, Time uncertainty) noexcept {
+  if (reply.frame().enid() != enid_) return fail(Errc::enid_inconsistent);
+  if (tracker_->seed(reply, latch, uncertainty) != Errc::ok) return fail(Errc::frames_inconsistent);
   if (++frames_seen_ >= frames_wanted_) enter(StartupStage::done);
 }
 

@@ -81,7 +81,10 @@ TEST(ServoDemo, LostRepliesAreExtrapolated) {
   const auto failed = run.at("bus").at("failed").get<int>();
   EXPECT_GT(failed, 200);
   EXPECT_NEAR(run.at("periods").at("extrapolated").get<int>(), failed, 2) << "one period for each lost reply";
-  EXPECT_EQ(run.at("bus").at("errors").at("timeout"), failed);
+  // Behind two lost ones the gate wants to see three replies that agree.
+  const Json& errors = run.at("bus").at("errors");
+  EXPECT_EQ(errors.at("timeout").get<int>() + errors.value("position_implausible", 0), failed);
+  EXPECT_LT(errors.value("position_implausible", 0), failed / 10);
   EXPECT_EQ(run.at("periods").at("invalid"), 0);
   EXPECT_LT(number(run, "tracking_error", "max_counts"), 25.0);
 }
@@ -89,7 +92,7 @@ TEST(ServoDemo, LostRepliesAreExtrapolated) {
 TEST(ServoDemo, AShortOutageIsBridged) {
   const Json run =
       run_of(virtual_demo({"--outage", "500us", "--seconds", "1", "--feedback", "estimator"}), "estimator");
-  EXPECT_EQ(run.at("periods").at("extrapolated"), 8);
+  EXPECT_EQ(run.at("periods").at("extrapolated"), 8 + 2) << "the third reply that agrees is believed";
   EXPECT_EQ(run.at("torque_offs"), 0);
 }
 

@@ -63,8 +63,8 @@ TEST_F(BusLimits, TwoFlipsInOneColumnAreHeldAndTheNextGoodFrameIsFresh) {
     answer.bytes[7] ^= 0x80;  // ABM1: the same column of the CRC
   };
   run_cycles(1);
-  EXPECT_EQ(bus->last_record().result, Errc::frames_inconsistent);
-  EXPECT_EQ(errors(Errc::frames_inconsistent), 1U);
+  EXPECT_EQ(bus->last_record().result, Errc::position_implausible);
+  EXPECT_EQ(errors(Errc::position_implausible), 1U);
   EXPECT_EQ(bus->latest().quality(), Quality::held);
   EXPECT_EQ(bus->latest().position(), 1'000);
   EXPECT_EQ(bus->latest().turns(), 1) << "nothing of the frame was taken over";
@@ -75,22 +75,27 @@ TEST_F(BusLimits, TwoFlipsInOneColumnAreHeldAndTheNextGoodFrameIsFresh) {
   EXPECT_EQ(bus->statistics().failed, 1U);
 }
 
-TEST_F(BusLimits, AJumpThatLastsEndsInAStartUpAndIsThenAccepted) {
+TEST_F(BusLimits, AJumpThatLastsIsFollowedAndIsADiscontinuity) {
   begin_running();
   run_cycles(10);
+  bus->set_referenced(true);
   encoder.abm = 41;
-  const Time jump = driver.now;
-  while (bus->state() == BusState::running && driver.now < jump + ms(100)) {
+  for (int k = 0; k < PlausibilityGate::kAgree - 1; ++k) {
     run_cycles(1);
-    ASSERT_NE(bus->latest().quality(), Quality::fresh);
+    ASSERT_EQ(bus->latest().quality(), Quality::held) << k;
+    ASSERT_EQ(bus->latest().position(), 1'000) << k;
+    ASSERT_EQ(bus->last_record().result, Errc::position_implausible);
   }
-  EXPECT_EQ(bus->state(), BusState::startup);
-  EXPECT_EQ(bus->statistics().lost, 1U);
-  EXPECT_EQ(bus->last_record().result, Errc::frames_inconsistent);
-  ASSERT_TRUE(run_until_running());
   run_cycles(1);
   EXPECT_EQ(bus->latest().quality(), Quality::fresh);
   EXPECT_EQ(bus->latest().position(), 40 * 131'072 + 1'000);
+  EXPECT_EQ(bus->latest().discontinuities(), 1U);
+  EXPECT_FALSE(bus->latest().referenced()) << "nobody knows what has happened";
+  EXPECT_EQ(bus->statistics().discontinuities, 1U);
+  EXPECT_EQ(bus->statistics().failed, PlausibilityGate::kAgree - 1U);
+  EXPECT_EQ(bus->state(), BusState::running);
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().discontinuities(), 1U) << "once";
 }
 
 // --- Failures, restarts, what is abandoned ---

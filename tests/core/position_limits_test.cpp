@@ -22,14 +22,14 @@ TEST(PositionTracker, AFrameThatTheShaftCannotHaveReachedIsRefusedAndLeavesNothi
   track.apart = Time{0};
   track.step = ms(1);  // 6000 rpm: 13107.2 counts
   ASSERT_TRUE(track.id3(1'000, 1));
-  EXPECT_EQ(error_of(track.id3(1'000 ^ 0x8000, 1 ^ 0x8000)), Errc::frames_inconsistent)
+  EXPECT_EQ(error_of(track.id3(1'000 ^ 0x8000, 1 ^ 0x8000)), Errc::position_implausible)
       << "two flips in one column";
   EXPECT_EQ(track->hold(track.now(), ms(3)).position(), 1'000);
   EXPECT_EQ(track->hold(track.now(), ms(3)).turns(), 1);
   EXPECT_EQ(track.id3(1'000 + 26'000, 1)->position(), 27'000) << "two milliseconds since the last good one";
-  EXPECT_EQ(error_of(track.id3(27'000 + 13'200, 1)), Errc::frames_inconsistent);
+  EXPECT_EQ(error_of(track.id3(27'000 + 13'200, 1)), Errc::position_implausible);
   track.step = us(1);
-  EXPECT_EQ(error_of(track.id0(27'000 + 15'000)), Errc::frames_inconsistent) << "of single-turn data as well";
+  EXPECT_EQ(error_of(track.id0(27'000 + 15'000)), Errc::position_implausible) << "of single-turn data as well";
   EXPECT_TRUE(track.id0(27'000 + 13'000));
 }
 

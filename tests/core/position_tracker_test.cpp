@@ -279,27 +279,6 @@ TEST(PositionTracker, ElectricalAngleEqualsTheReferenceInDouble) {
   }
 }
 
-TEST(PositionTracker, ConsistentMeansThatOneShaftCanDoIt) {
-  Track track;
-  const auto frame = [](std::uint32_t abs, std::uint32_t abm) {
-    return *Frame::parse(test::id3_reply(abs, abm));
-  };
-  // 6000 rpm: 13107.2 counts in a millisecond.
-  EXPECT_TRUE(track->consistent(frame(0, 1), frame(13'107, 1), ms(1)));
-  EXPECT_TRUE(track->consistent(frame(13'107, 1), frame(0, 1), ms(1)));
-  EXPECT_FALSE(track->consistent(frame(0, 1), frame(13'200, 1), ms(1)));
-  EXPECT_FALSE(track->consistent(frame(13'200, 1), frame(0, 1), ms(1)));
-  EXPECT_TRUE(track->consistent(frame(0x1FFFF, 0xFFFF), frame(0, 0), us(100))) << "across both wraps";
-  EXPECT_FALSE(track->consistent(frame(0, 1), frame(0, 2), ms(5))) << "a whole turn takes 10 ms";
-  EXPECT_TRUE(track->consistent(frame(0, 1), frame(0, 2), ms(10)));
-  EXPECT_FALSE(track->consistent(frame(0, 1), frame(0, 1), ns(-1))) << "time does not go back";
-  EXPECT_TRUE(track->consistent(frame(5, 1), frame(6, 1), ns(0))) << "quantisation";
-  EXPECT_FALSE(track->consistent(frame(5, 1), frame(9, 1), ns(0)));
-  Track single("tm485_17_st");
-  EXPECT_TRUE(single->consistent(frame(0x1FFFF, 0), frame(0, 9), us(100)))
-      << "ABM of such an encoder means nothing";
-}
-
 TEST(PositionTracker, AMatchlessSpeedLimitDoesNotOverflow) {
   for (const std::int32_t rpm :
        {std::numeric_limits<std::int32_t>::min(), -1, 0, 1, std::numeric_limits<std::int32_t>::max()}) {
@@ -307,8 +286,9 @@ TEST(PositionTracker, AMatchlessSpeedLimitDoesNotOverflow) {
     axis.max_speed_rpm = rpm;
     Track track("tm485_23", axis);
     EXPECT_GT(track->unwrap_limit(), ns(0));
-    const auto frame = *Frame::parse(test::id3_reply(0, 1, 0x17));
-    EXPECT_TRUE(track->consistent(frame, frame, std::chrono::hours(1)));
+    track.apart = std::chrono::hours(1);
+    EXPECT_TRUE(track.id3(0, 1));
+    EXPECT_TRUE(track.id3(0, 1));
   }
 }
 

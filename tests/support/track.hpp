@@ -16,7 +16,7 @@ class Track {
  public:
   explicit Track(const char* name = "tm485_17", AxisConfig axis = {}) : Track(test::preset(name), axis) {}
   Track(const Profile& profile, const AxisConfig& axis)
-      : profile_(compiled(profile)), tracker_(profile_, axis) {}
+      : profile_(compiled(profile)), tracker_(profile_, nimble(axis)) {}
 
   std::expected<Sample, Errc> id3(std::uint32_t abs, std::uint32_t abm, std::uint8_t sf = 0,
                                   std::uint8_t almc = 0) {
@@ -40,6 +40,12 @@ class Track {
   Time apart = std::chrono::seconds(10);  ///< before an ID3: it may be a thousand turns away
 
  private:
+  /// A shaft that knows no inertia, so that positions may come as the test likes: only its speed is bounded.
+  static AxisConfig nimble(AxisConfig axis) {
+    axis.max_acceleration_rpm_s = AxisConfig::kSteepest;
+    return axis;
+  }
+
   CompiledProfile profile_;
   PositionTracker tracker_;
   Time now_{0};

@@ -19,8 +19,4 @@ void part_position_hold(PositionTracker& tracker, const Time& now, const Time& m
   to = tracker.hold(now, max_hold);
 }
 void part_position_forget(PositionTracker& tracker, Sample& to) { to = tracker.forget(); }
-bool part_position_consistent(const PositionTracker& tracker, const Frame& earlier, const Frame& later,
-                              const Time& elapsed) {
-  return tracker.consistent(earlier, later, elapsed);
-}
 }

@@ -6,7 +6,7 @@
 using namespace tm485;
 
 extern "C" {
-void part_startup_make(const CompiledProfile& profile, const PositionTracker& tracker, std::uint8_t frames,
+void part_startup_make(const CompiledProfile& profile, PositionTracker& tracker, std::uint8_t frames,
                        std::optional<Startup>& to) {
   to.emplace(profile, tracker, frames);
 }

@@ -132,6 +132,7 @@ std::optional<AxisConfig> from_c(const tm485_axis_config& config) noexcept {
   axis.pole_pairs = config.pole_pairs;
   axis.electrical_offset = config.electrical_offset;
   axis.max_speed_rpm = config.max_speed_rpm;
+  axis.max_acceleration_rpm_s = config.max_acceleration_rpm_s;
   axis.units = static_cast<Units>(config.units);
   return axis;
 }
@@ -191,6 +192,7 @@ void tm485_axis_config_default(tm485_axis_config* config) {
   config->gear_denominator = axis.gear_denominator;
   config->electrical_offset = axis.electrical_offset;
   config->max_speed_rpm = axis.max_speed_rpm;
+  config->max_acceleration_rpm_s = axis.max_acceleration_rpm_s;
   config->pole_pairs = axis.pole_pairs;
   config->reversed = flag(axis.reversed);
   config->units = value(axis.units);

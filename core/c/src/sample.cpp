@@ -45,6 +45,8 @@ void to_c(const Sample& sample, tm485_sample& to) noexcept {
   to.electrical_angle = sample.electrical_angle();
   to.latch_uncertainty_ns = static_cast<std::uint32_t>(sample.latch_uncertainty().count());
   to.announced_hold_ns = static_cast<std::uint32_t>(sample.announced_hold().count());
+  to.half_width = sample.half_width();
+  to.discontinuities = sample.discontinuities();
   to.status = sample.status().bits();
   to.enid = sample.enid();
   to.id = value(sample.id());
@@ -70,13 +72,13 @@ void to_c(const Statistics& from, tm485_statistics& to) noexcept {
   to.lost = from.lost;
   to.restarts = from.restarts;
   to.invalidated = from.invalidated;
+  to.discontinuities = from.discontinuities;
   to.stray_bytes = from.stray_bytes;
   to.reserved_status = from.reserved_status;
   to.warnings = from.warnings;
   to.faults = from.faults;
   to.servo_ticks = from.servo_ticks;
   to.servo_locks = from.servo_locks;
-  to.reserved = 0;
   std::ranges::fill(std::ranges::copy(from.errors, to.errors).out, std::ranges::end(to.errors), 0U);
   copy(from.t1, to.t1);
   copy(from.reply_delay, to.reply_delay);

@@ -263,10 +263,11 @@ class Bus {
   Time stale_at_ = kNever;  ///< when the published sample becomes invalid
   LineHold hold_ = LineHold::none;
   Time hold_until_{0};
-  std::uint8_t resets_in_a_row_ = 0;  ///< without a cyclic request between them
-  std::uint32_t patience_ = 0;        ///< slots that what is waiting may wait
-  std::uint32_t to_steal_ = 0;        ///< cyclic slots until one may be stolen again
-  Time last_good_{0};                 ///< when the last good cycle or start-up was seen
+  std::uint8_t resets_in_a_row_ = 0;   ///< without a cyclic request between them
+  std::uint32_t patience_ = 0;         ///< slots that what is waiting may wait
+  std::uint32_t to_steal_ = 0;         ///< cyclic slots until one may be stolen again
+  Time last_good_{0};                  ///< when the last good cycle or start-up was seen
+  std::uint32_t discontinuities_ = 0;  ///< that statistics_ has counted
   Statistics statistics_;
   CycleRecord record_;
   std::uint32_t record_count_ = 0;

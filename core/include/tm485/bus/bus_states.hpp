@@ -41,6 +41,8 @@ Errc Bus<P>::finish_cyclic(Time now) noexcept {
   fresh_until_ = std::min(overdue, now + seen_fresh_for_);
   stale_at_ = std::min(stale, now + seen_valid_for_);
   const AlarmLevel alarm = sample.alarm();
+  saturating_increment(statistics_.discontinuities, sample.discontinuities() - discontinuities_);
+  discontinuities_ = sample.discontinuities();
   latest_.publish();
   announced_ = true;
   cycle_good(*reply, alarm, now);
@@ -74,6 +76,7 @@ template <Port P>
 [[gnu::noinline]] bool Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
   saturating_increment(statistics_.failed);
   record(cause, now);
+  if (cause != Errc::position_implausible) tracker_.missed();
   const Sample held = tracker_.hold(now, valid_for());
   if (held.quality() == Quality::invalid && stale_at_ != kNever) {
     stale_at_ = kNever;
@@ -112,15 +115,14 @@ void Bus<P>::after_startup_step(Time now) noexcept {
     return;
   }
   if (startup_.stage() != StartupStage::done) return;
-  // The last frame of the sequence is the first of the position; the first fresh sample comes with the first cycle.
-  if (const auto reply = Reply::parse(exchange_.reply(), exchange_.id(), *profile_))
-    (void)tracker_.seed(*reply, latch_time(), latch_uncertainty(now));
+  // The frames of the sequence have seeded the position; the first fresh sample comes with the first cycle.
   saturating_increment(statistics_.startups);
   startup_error_.reset();
   failed_in_a_row_ = 0;
   last_good_ = now;
   cyclic_start_.reset();
   state_ = BusState::running;
+  tracker_.expect_every(sample_gap());
   if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
 }
 
@@ -167,6 +169,7 @@ void Bus<P>::begin_startup(Time now) noexcept {
   if (scheduler_) scheduler_->pause();
   state_ = BusState::startup;
   publish(tracker_.forget());
+  tracker_.expect_every(Time{0});  // a lost frame delays the next one of start-up by as long as it likes
   startup_.begin(now, capability_.latency_allowance);
 }
 

@@ -40,7 +40,8 @@ struct StartupError {
 class Startup {
  public:
   /// `frames`: how many mutually consistent frames are wanted (2..255).
-  Startup(const CompiledProfile& profile, const PositionTracker& tracker, std::uint8_t frames) noexcept;
+  /// They seed `tracker`, which the owner has made forget before begin().
+  Startup(const CompiledProfile& profile, PositionTracker& tracker, std::uint8_t frames) noexcept;
 
   /// Begins at `now`, from the first stage. `latency`: the port's latency allowance.
   void begin(Time now, Time latency) noexcept;
@@ -67,13 +68,13 @@ class Startup {
 
  private:
   void fail(Errc cause) noexcept;
-  void check_consistency(const Frame& frame, Time latch, Time uncertainty) noexcept;
+  void check_consistency(const Reply& reply, Time latch, Time uncertainty) noexcept;
   void enter(StartupStage stage) noexcept;
 
   static constexpr std::uint8_t kRetries = 3;  ///< failed exchanges that a stage after `answer` forgives
 
   const CompiledProfile* profile_;
-  const PositionTracker* tracker_;
+  PositionTracker* tracker_;
   std::uint8_t frames_wanted_;
   std::uint8_t frames_seen_ = 0;
   std::uint8_t retries_ = 0;
@@ -85,9 +86,6 @@ class Startup {
   Time due_{0};
   Time give_up_{0};
   Time quiet_span_{0};
-  Frame previous_;
-  Time previous_latch_{0};
-  Time previous_uncertainty_{0};
 };
 
 }  // namespace tm485

@@ -98,6 +98,7 @@ struct Statistics {
   std::uint32_t lost = 0;             ///< times that the encoder was given up and start-up began again
   std::uint32_t restarts = 0;         ///< on_restart events
   std::uint32_t invalidated = 0;      ///< times that a sample became too old
+  std::uint32_t discontinuities = 0;  ///< times that the shaft was found where it cannot have come to
   std::uint32_t stray_bytes = 0;      ///< bytes that belonged to no exchange
   std::uint32_t reserved_status = 0;  ///< good replies with an SF or ALMC bit that the profile calls reserved
   std::uint32_t warnings = 0;         ///< good replies with alarm level warning

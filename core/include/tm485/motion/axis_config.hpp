@@ -14,6 +14,9 @@ enum class Units : std::uint8_t { counts, rev, deg, rad };
 
 /// What is known about the axis. All integers, so that nothing is lost over 64 bits.
 struct AxisConfig {
+  static constexpr std::int32_t kFastest = 1'000'000;     ///< rpm
+  static constexpr std::int32_t kSteepest = 100'000'000;  ///< rpm/s
+
   bool reversed = false;         ///< false: counter-clockwise seen from the output shaft is positive
   std::int64_t zero_offset = 0;  ///< encoder counts that become position 0, before direction
   std::optional<std::int32_t>
@@ -23,15 +26,19 @@ struct AxisConfig {
   std::uint16_t pole_pairs = 1;         ///< electrical turns per mechanical turn
   std::uint32_t electrical_offset = 0;  ///< added to the electrical angle; 2^32 is one electrical turn
   std::int32_t max_speed_rpm =
-      6000;                     ///< faster than the shaft can turn; bounds what single-turn data can tell
+      6000;  ///< faster than the shaft can turn; bounds what single-turn data can tell
+  /// The shaft is never accelerated more; together with the speed it says where the shaft can be (PlausibilityGate). The
+  /// default is that of a small servo motor without a load, 105 000 rad/s^2.
+  std::int32_t max_acceleration_rpm_s = 1'000'000;
   Units units = Units::counts;  ///< of `to_units`
 
   /// False if no position can be computed from it: an offset of 2^60 counts or more, a gear ratio over or under
-  /// zero, no pole pairs, no speed. A bus refuses to start with it.
+  /// zero, no pole pairs, no speed, no acceleration. A bus refuses to start with it.
   [[nodiscard]] constexpr bool valid() const noexcept {
     constexpr std::int64_t kLargest = std::int64_t{1} << 60;
     return zero_offset > -kLargest && zero_offset < kLargest && gear_numerator != 0 &&
-           gear_denominator != 0 && pole_pairs != 0 && max_speed_rpm > 0 && max_speed_rpm <= 1'000'000;
+           gear_denominator != 0 && pole_pairs != 0 && max_speed_rpm > 0 && max_speed_rpm <= kFastest &&
+           max_acceleration_rpm_s > 0 && max_acceleration_rpm_s <= kSteepest;
   }
 };
 

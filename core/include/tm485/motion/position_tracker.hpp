@@ -6,7 +6,7 @@
 // Turns and ABS of a sample come from one ID3 frame. Replies without turns (ID0, or an encoder that
 // has none) are unwrapped by their distance from the last position; that is only possible while the
 // shaft cannot have turned by half a revolution, so a longer gap is position_lost, never a guess.
-// A position that the shaft cannot have reached since the last one (max_speed_rpm) is refused: two
+// A position where the shaft cannot be is held back by the PlausibilityGate: two
 // flips in one bit column pass the CRC. Specification: sections 3 and 8.
 #pragma once
 
@@ -16,6 +16,7 @@
 
 #include "tm485/errc.hpp"
 #include "tm485/motion/axis_config.hpp"
+#include "tm485/motion/plausibility.hpp"
 #include "tm485/motion/sample.hpp"
 #include "tm485/protocol/frame.hpp"
 #include "tm485/protocol/profile.hpp"
@@ -32,7 +33,8 @@ class PositionTracker {
 
   /// A reply latched at `latch`, give or take `uncertainty`, becomes a fresh sample, written to `sample`.
   /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; or
-  /// frames_inconsistent: the shaft cannot be there. After an error nothing has changed.
+  /// position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is. After an error the
+  /// last sample stands.
   [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 
   /// The same as a value, with the profile's latch uncertainty.
@@ -53,9 +55,17 @@ class PositionTracker {
   /// The last sample again, marked held; invalid if it is older than `max_hold` at `now`, or if there is none.
   [[nodiscard]] Sample hold(Time now, Time max_hold) noexcept;
 
+  /// Positions that the shaft cannot have come to, and that were followed after replies had agreed; wraps.
+  [[nodiscard]] std::uint32_t discontinuities() const noexcept { return discontinuities_; }
+
   /// Forgets the position (start-up, restart): the next reply starts anew, `referenced` is false.
   /// The sample that it answers is invalid.
   Sample forget() noexcept;
+
+  /// Positions are read every `gap` from now on; 0: at no fixed time.
+  void expect_every(Time gap) noexcept { gate_.expect_every(gap); }
+  /// A position was asked for, and the exchange has failed.
+  void missed() noexcept { gate_.missed(); }
 
   /// The axis was homed, or is no longer.
   void set_referenced(bool referenced) noexcept { referenced_ = referenced; }
@@ -65,24 +75,20 @@ class PositionTracker {
     announced_hold_ns_ = static_cast<std::uint32_t>(std::min(span, Time{UINT32_MAX}).count());
   }
 
-  /// True if two frames, `elapsed` apart, can come from one shaft turning at no more than max_speed_rpm.
-  [[nodiscard]] bool consistent(const Frame& earlier, const Frame& later, Time elapsed) const noexcept;
-
   /// The longest gap over which single-turn data can be unwrapped: half a revolution at max_speed_rpm.
   [[nodiscard]] Time unwrap_limit() const noexcept { return unwrap_limit_; }
 
  private:
   [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits) const noexcept;
   [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
-  [[nodiscard]] bool reachable(std::int64_t distance, Time elapsed) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
   void take_fields(const Frame& frame) noexcept;
 
   const CompiledProfile* profile_;
-  std::int64_t offset_;        ///< reference turn and zero offset, in counts
-  std::uint32_t speed_limit_;  ///< counts per 2^20 ns
+  std::int64_t offset_;  ///< reference turn and zero offset, in counts
   Time unwrap_limit_;
+  PlausibilityGate gate_;
 
   // What the last reply left.
   std::int64_t raw_ = 0;    ///< turns * 2^bits + ABS, unwrapped; 0 without a position
@@ -93,6 +99,7 @@ class PositionTracker {
   std::uint32_t electrical_offset_;
   std::int32_t turns_ = 0;
   std::uint32_t announced_hold_ns_ = 0;
+  std::uint32_t discontinuities_ = 0;
   StatusSet status_;
   AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
@@ -141,22 +148,6 @@ inline Errc PositionTracker::unwrap(const Frame& frame, Time gap, std::int64_t& 
   return Errc::ok;
 }
 
-/// Can a shaft at max_speed_rpm move so far in `elapsed`? Two counts are forgiven: both ends are quantised.
-inline bool PositionTracker::reachable(std::int64_t distance, Time elapsed) const noexcept {
-  constexpr std::int64_t kQuantisation = 2;
-  constexpr Time kFine{UINT32_MAX};  // a product of 32 and 32 bits
-  constexpr Time kLongest = std::chrono::hours(24);
-  if (elapsed < Time{0}) return false;
-  std::int64_t limit = 0;
-  if (elapsed <= kFine) [[likely]] {
-    const std::uint64_t most = std::uint64_t{speed_limit_} * static_cast<std::uint32_t>(elapsed.count());
-    limit = static_cast<std::int64_t>(most >> 20) + kQuantisation;
-  } else {
-    limit = std::int64_t{speed_limit_} * ((std::min(elapsed, kLongest).count() >> 20) + 1);
-  }
-  return distance <= limit && -distance <= limit;
-}
-
 /// A battery kept the turns over the power-off, and the encoder does not say that they were lost.
 inline bool PositionTracker::turns_survived(const Frame& frame) const noexcept {
   constexpr StatusSet kTurnsLost =
@@ -188,6 +179,8 @@ inline void PositionTracker::compose(Quality quality, Sample& sample) noexcept {
   sample.referenced_ = referenced_;
   sample.has_position_ = has_position_ && quality != Quality::invalid;
   sample.announced_hold_ns_ = announced_hold_ns_;
+  sample.half_width_ = gate_.half_width();
+  sample.discontinuities_ = discontinuities_;
 }
 
 /// Everything of a reply but its position.
@@ -219,11 +212,17 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
     std::int64_t step = 0;
     if (const Errc error = unwrap(frame, gap, step); error != Errc::ok) [[unlikely]]
       return error;
-    if (!has_raw_) {
-      referenced_ = turns_survived(frame);
-    } else if (!reachable(step, gap)) [[unlikely]] {
-      return Errc::frames_inconsistent;
+    switch (gate_.judge({raw_ + step, latch, uncertainty})) {
+      case GateVerdict::accepted:
+        break;
+      case GateVerdict::reacquired:
+        ++discontinuities_;
+        referenced_ = false;
+        break;
+      case GateVerdict::held_back:
+        return Errc::position_implausible;
     }
+    if (!has_raw_) referenced_ = turns_survived(frame);
     raw_ += step;
     has_raw_ = true;
     position_latch_ = latch;

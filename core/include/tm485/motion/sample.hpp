@@ -44,6 +44,13 @@ class Sample {
   [[nodiscard]] constexpr Time latch_time() const noexcept { return latch_time_; }
   /// ± of the latch time.
   [[nodiscard]] constexpr Time latch_uncertainty() const noexcept { return Time(latch_uncertainty_ns_); }
+  /// By how much `position` can be wrong, in counts: this is where the shaft was at `latch_time`, give or take so much, even
+  /// if wrong bits have passed every check. With right bits it is right to a count and what the shaft turns in
+  /// `latch_uncertainty`.
+  [[nodiscard]] constexpr std::uint32_t half_width() const noexcept { return half_width_; }
+  /// Counts the times that the shaft was found where it cannot have come to (a slipped coupling, a zero reset, a restart that
+  /// nobody saw); wraps. A new number: this position has nothing to do with the one before.
+  [[nodiscard]] constexpr std::uint32_t discontinuities() const noexcept { return discontinuities_; }
   /// Age of the data at `now`.
   [[nodiscard]] constexpr Time age(Time now) const noexcept { return now - latch_time_; }
   /// Counts samples, fresh, held or invalid; wraps.
@@ -78,6 +85,8 @@ class Sample {
   bool referenced_ = false;
   bool has_position_ = false;
   std::uint32_t announced_hold_ns_ = 0;
+  std::uint32_t half_width_ = 0;
+  std::uint32_t discontinuities_ = 0;
 };
 
 // No padding: every byte of a sample has a value.

@@ -16,13 +16,13 @@ extern "C" {
 
 /* An axis, in storage of the caller's. It must stay where it is. */
 #if UINTPTR_MAX > 0xFFFFFFFFu
-#define TM485_AXIS_SIZE 6080
+#define TM485_AXIS_SIZE 6272
 #define TM485_AXIS_ALIGNMENT 64
 #elif defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
-#define TM485_AXIS_SIZE 4352
+#define TM485_AXIS_SIZE 4608
 #define TM485_AXIS_ALIGNMENT 8
 #else
-#define TM485_AXIS_SIZE 6016
+#define TM485_AXIS_SIZE 6208
 #define TM485_AXIS_ALIGNMENT 64
 #endif
 typedef union tm485_axis {

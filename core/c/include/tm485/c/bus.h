@@ -22,13 +22,13 @@ extern "C" {
 
 /* A bus, in storage of the caller's. It must stay where it is. */
 #if UINTPTR_MAX > 0xFFFFFFFFu
-#define TM485_BUS_SIZE 2368
+#define TM485_BUS_SIZE 2624
 #define TM485_BUS_ALIGNMENT 64
 #elif defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
-#define TM485_BUS_SIZE 1984
+#define TM485_BUS_SIZE 2240
 #define TM485_BUS_ALIGNMENT 8
 #else
-#define TM485_BUS_SIZE 2368
+#define TM485_BUS_SIZE 2624
 #define TM485_BUS_ALIGNMENT 64
 #endif
 typedef union tm485_bus {

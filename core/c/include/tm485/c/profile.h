@@ -93,20 +93,21 @@ typedef uint8_t tm485_units;
 enum { TM485_UNITS_COUNTS, TM485_UNITS_REV, TM485_UNITS_DEG, TM485_UNITS_RAD };
 
 typedef struct tm485_axis_config {
-  int64_t zero_offset;        /* encoder counts that become position 0, before direction */
-  int32_t reference_turn;     /* turn count that becomes turn 0, if has_reference_turn */
-  int32_t gear_numerator;     /* load revolutions = motor revolutions * numerator / denominator */
-  int32_t gear_denominator;   /* not 0 */
-  uint32_t electrical_offset; /* added to the electrical angle; 2^32 is one electrical turn */
-  int32_t max_speed_rpm;      /* faster than the shaft can turn */
-  uint16_t pole_pairs;        /* electrical turns per mechanical turn */
-  uint8_t reversed;           /* 0: counter-clockwise seen from the output shaft is positive */
-  uint8_t has_reference_turn; /* 0: the profile's multi_turn_start becomes turn 0 */
-  tm485_units units;          /* of tm485_to_units() */
-  uint8_t reserved[7];
+  int64_t zero_offset;            /* encoder counts that become position 0, before direction */
+  int32_t reference_turn;         /* turn count that becomes turn 0, if has_reference_turn */
+  int32_t gear_numerator;         /* load revolutions = motor revolutions * numerator / denominator */
+  int32_t gear_denominator;       /* not 0 */
+  uint32_t electrical_offset;     /* added to the electrical angle; 2^32 is one electrical turn */
+  int32_t max_speed_rpm;          /* faster than the shaft can turn */
+  int32_t max_acceleration_rpm_s; /* more than the shaft is ever accelerated */
+  uint16_t pole_pairs;            /* electrical turns per mechanical turn */
+  uint8_t reversed;               /* 0: counter-clockwise seen from the output shaft is positive */
+  uint8_t has_reference_turn;     /* 0: the profile's multi_turn_start becomes turn 0 */
+  tm485_units units;              /* of tm485_to_units() */
+  uint8_t reserved[3];
 } tm485_axis_config;
 
-/* Counts as they come, gear 1, one pole pair, 6000 rpm. Any; constant time. */
+/* Counts as they come, gear 1, one pole pair, 6000 rpm, 1 000 000 rpm/s. Any; constant time. */
 void tm485_axis_config_default(tm485_axis_config* config);
 
 /* A position in motor counts as load-side units. Any; floating point of double precision. */

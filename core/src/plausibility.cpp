@@ -1,0 +1,189 @@
+#include "tm485/motion/plausibility.hpp"
+
+namespace tm485 {
+namespace {
+
+constexpr std::int64_t kNsPerMinute = 60'000'000'000;
+constexpr std::int64_t kLongestMemory = 16'000'000;  // ns; keeps bend() in 63 bits
+constexpr std::int64_t kShortestMemory = 100'000;
+
+/// rpm/s << bits, divided by this, is in counts per (2^10 ns)^2 times 2^30: 60 s / (1.024 us)^2 / 2^30, rounded down.
+constexpr std::int64_t kAccelerationUnit = 53'290;
+
+}  // namespace
+
+PlausibilityGate::PlausibilityGate(unsigned single_turn_bits, const AxisConfig& axis) noexcept {
+  const std::int64_t rpm = std::clamp<std::int32_t>(axis.max_speed_rpm, 1, AxisConfig::kFastest);
+  const std::int64_t rpm_s = std::clamp<std::int32_t>(axis.max_acceleration_rpm_s, 1, AxisConfig::kSteepest);
+  // Rounded up: a limit may be a little wide, never too narrow.
+  speed_limit_ = (rpm << single_turn_bits) / (kNsPerMinute >> 20) + 1;
+  acceleration_ = (rpm_s << single_turn_bits) / kAccelerationUnit + 1;
+  // From one greatest speed to the opposite one.
+  memory_ = std::clamp(2 * rpm * 1'000'000'000 / rpm_s, kShortestMemory, kLongestMemory);
+  constexpr unsigned kFineBits = 11;
+  fine_ = std::int64_t{1} << (single_turn_bits - kFineBits);
+}
+
+void PlausibilityGate::expect_every(Time gap) noexcept {
+  constexpr std::int64_t kReadings = 4;  // the errors of those that make a window
+  const std::int64_t ns = gap.count();
+  narrow_ = ns > 0 && ns <= memory_ && 2 * (bend(ns, ns) + kReadings) <= fine_;
+}
+
+/// Of a reading, in half counts: it says which count the shaft is in, and is as much older or younger as makes `turned`.
+std::int64_t PlausibilityGate::error_of(std::int64_t turned) noexcept { return 1 + 2 * turned; }
+
+/// From counts per ns, times ns, to counts.
+std::int64_t PlausibilityGate::round_up(std::int64_t product) noexcept {
+  return (product + (std::int64_t{1} << kSpeedBits) - 1) >> kSpeedBits;
+}
+
+/// How far the shaft can turn in `dt`.
+std::int64_t PlausibilityGate::reach(Time dt) const noexcept {
+  constexpr Time kFine = std::chrono::seconds(10);  // keeps the product in 63 bits
+  constexpr Time kLongest = std::chrono::hours(24);
+  dt = std::min(dt, kLongest);
+  return dt > kFine ? speed_limit_ * ((dt.count() >> 20) + 1) : (speed_limit_ * dt.count()) >> 20;
+}
+
+/// How far the greatest acceleration takes it from a straight line through two readings `span` apart, `dt` behind them.
+std::int64_t PlausibilityGate::bend(std::int64_t dt, std::int64_t span) const noexcept {
+  const std::int64_t ticks = (dt >> 10) + 1;
+  const std::int64_t counts = (acceleration_ * ticks * (ticks + (span >> 10) + 1)) >> 31;
+  return counts + (counts >> 8) + 1;  // the speed is rounded
+}
+
+PlausibilityGate::Window PlausibilityGate::predict(const Track& track,
+                                                   const PositionReading& reading) const noexcept {
+  Window window;
+  window.dt = reading.latch - track.latch;
+  const std::int64_t dt = window.dt.count();
+  window.centre = track.raw;
+  window.by_speed = track.length < 2 || dt > memory_;
+  const bool at_any_speed = window.by_speed || reading.uncertainty.count() > dt >> 4;
+  const std::int64_t speed = track.speed < 0 ? -track.speed : track.speed;
+  window.error =
+      error_of(at_any_speed ? reach(reading.uncertainty) + 1 : round_up(speed * reading.uncertainty.count()));
+  const std::int64_t errors = window.error + track.error;
+  if (window.by_speed) {
+    window.half = errors / 2 + 1 + reach(std::max(window.dt, Time{0}));
+  } else {
+    window.centre += (track.speed * dt) >> kSpeedBits;
+    window.half = (errors + round_up(track.speed_error * dt)) / 2 + 1 + bend(dt, track.span);
+  }
+  return window;
+}
+
+/// Not faster than the greatest speed, whatever the last two readings say, and not back in time.
+bool PlausibilityGate::reachable(const Track& track, const PositionReading& reading,
+                                 const Window& window) const noexcept {
+  const std::int64_t moved = reading.raw - track.raw;
+  const Time longest = window.dt + reading.uncertainty;
+  const std::int64_t most = reach(longest) + (window.error + track.error) / 2 + 1;
+  return longest >= Time{0} && moved <= most && -moved <= most;
+}
+
+/// Goes on from a reading that is inside the window.
+void PlausibilityGate::follow(Track& track, const PositionReading& reading, const Window& window) noexcept {
+  constexpr std::int64_t kShortest = 1'000;  // ns
+  const std::int64_t off = reading.raw - window.centre;
+  const std::int64_t doubt = std::min((off < 0 ? -off : off) + window.half, kLargest);
+  const std::int64_t error = std::min(window.error, kLargest);
+  const auto dt = static_cast<std::uint32_t>(std::clamp(window.dt.count(), kShortest, memory_));
+  if (window.dt.count() > memory_) {
+    track.length = 1;
+    track.half_width = static_cast<std::uint32_t>(doubt);
+  } else {
+    // The speed becomes that of the last two readings: what it was, and what this one says more.
+    const std::int64_t inverse = std::numeric_limits<std::uint32_t>::max() / dt;
+    const std::int64_t before = window.by_speed ? 0 : track.speed;
+    const std::int64_t spread = window.by_speed ? 0 : (track.speed_doubt * dt) >> kSpeedBits;
+    constexpr unsigned kShift = 32 - kSpeedBits;
+    track.half_width = static_cast<std::uint32_t>(std::min(doubt + track.doubt + spread, kLargest));
+    track.speed = before + ((off * inverse) >> kShift);
+    track.speed_error = std::min(((error + track.error) * inverse) >> kShift, kFastest);
+    track.speed_doubt = std::min(((doubt + track.doubt) * inverse) >> kShift, kFastest);
+    if (track.length < kAgree) ++track.length;
+  }
+  track.raw = reading.raw;
+  track.latch = reading.latch;
+  track.error = static_cast<std::uint32_t>(error);
+  track.doubt = static_cast<std::uint32_t>(doubt);
+  track.half = static_cast<std::uint32_t>(std::min(window.half, kLargest));
+  track.span = dt;
+}
+
+/// The first reading of a row.
+void PlausibilityGate::begin(Track& track, const PositionReading& reading) noexcept {
+  track.raw = reading.raw;
+  track.latch = reading.latch;
+  track.speed = track.speed_error = track.speed_doubt = 0;
+  track.error = static_cast<std::uint32_t>(std::min(error_of(reach(reading.uncertainty) + 1), kLargest));
+  track.doubt = track.half = track.half_width = track.error / 2 + 1;
+  track.span = 0;
+  track.length = 1;
+}
+
+// Each of the following has its own frame on the stack, so that what the rare way needs does not lie below the common one.
+
+/// Goes on from a reading inside the window, unless its own half-width is above `widest`.
+[[gnu::noinline]] bool PlausibilityGate::go_on(Track& track, const PositionReading& reading,
+                                               std::int64_t widest) noexcept {
+  const Window window = predict(track, reading);
+  const std::int64_t off = reading.raw - window.centre;
+  const std::int64_t distance = off < 0 ? -off : off;
+  if (distance > window.half || distance + window.half > widest || !reachable(track, reading, window))
+    return false;
+  follow(track, reading, window);
+  return true;
+}
+
+/// Is it where the shaft can be, if the window itself is off by what undetected errors have made of the last two readings?
+[[gnu::noinline]] bool PlausibilityGate::near_track(const PositionReading& reading) const noexcept {
+  const Window window = predict(track_, reading);
+  const std::int64_t off = reading.raw - window.centre;
+  const std::int64_t doubt = window.by_speed ? 0 : (track_.speed_doubt * window.dt.count()) >> kSpeedBits;
+  const std::int64_t most = window.half + track_.doubt + doubt;
+  return off <= most && -off <= most;
+}
+
+GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
+  if (track_.length == 0) [[unlikely]] {
+    begin(track_, reading);
+    missed_ = 0;
+    return GateVerdict::accepted;
+  }
+  const bool any = missed_ < kFewMissed || !narrow_;
+  if (go_on(track_, reading, any ? kNoLimit : fine_)) [[likely]] {
+    candidate_.length = 0;
+    missed_ = 0;
+    return GateVerdict::accepted;
+  }
+  return hold_back(reading);
+}
+
+/// A reading that no sample may come of by itself. Several that agree with each other are believed.
+[[gnu::noinline]] GateVerdict PlausibilityGate::hold_back(const PositionReading& reading) noexcept {
+  missed();
+  const bool inside = near_track(reading);
+  bool agreed = candidate_.length != 0 && go_on(candidate_, reading, kNoLimit);
+  if (!agreed && candidate_.length > 1) {  // the first one of the row may have been the wrong one
+    candidate_.length = 1;
+    inside_ = last_inside_;
+    agreed = go_on(candidate_, reading, kNoLimit);
+  }
+  if (!agreed) begin(candidate_, reading);
+  inside_ = inside && (inside_ || !agreed);
+  last_inside_ = inside;
+  if (candidate_.length < (inside_ ? kAgreeInside : kAgree)) return GateVerdict::held_back;
+  // One wrong reading would not have agreed with the others.
+  candidate_.doubt = candidate_.half;
+  candidate_.half_width =
+      static_cast<std::uint32_t>(std::min<std::int64_t>(4 * std::int64_t{candidate_.half}, kLargest));
+  track_ = candidate_;
+  candidate_.length = 0;
+  missed_ = 0;
+  return inside_ ? GateVerdict::accepted : GateVerdict::reacquired;
+}
+
+}  // namespace tm485

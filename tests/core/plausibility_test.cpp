@@ -1,0 +1,292 @@
+// The gate by itself, against a shaft of its own that keeps to its limits, or does not.
+#include "tm485/motion/plausibility.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <random>
+
+#include "support/print.hpp"
+
+namespace tm485 {
+namespace {
+
+constexpr unsigned kBits = 17;
+constexpr double kTurn = 131'072.0;
+constexpr Time kPeriod{62'500};
+
+AxisConfig limits(std::int32_t rpm = 6'000, std::int32_t rpm_s = 1'000'000) {
+  AxisConfig axis;
+  axis.max_speed_rpm = rpm;
+  axis.max_acceleration_rpm_s = rpm_s;
+  return axis;
+}
+
+/// A shaft that is driven as hard as its limits allow: full acceleration one way or the other, for a while each.
+class HardShaft {
+ public:
+  HardShaft(const AxisConfig& axis, std::uint64_t seed)
+      : fastest_(axis.max_speed_rpm / 60.0 * kTurn),
+        steepest_(axis.max_acceleration_rpm_s / 60.0 * kTurn),
+        rng_(seed) {}
+
+  void advance(double seconds) {
+    while (seconds > 0) {
+      if (left_ <= 0) {
+        left_ = 1e-5 * std::pow(10.0, std::uniform_real_distribution<>(0, 3)(rng_));
+        acceleration_ = steepest_ * std::uniform_int_distribution<>(-1, 1)(rng_);
+      }
+      double step = std::min(seconds, left_);
+      if (acceleration_ != 0) {  // no further than to the greatest speed
+        const double until = ((acceleration_ > 0 ? fastest_ : -fastest_) - speed_) / acceleration_;
+        if (until <= 0)
+          acceleration_ = 0;
+        else
+          step = std::min(step, until);
+      }
+      position_ += speed_ * step + acceleration_ * step * step / 2;
+      speed_ += acceleration_ * step;
+      seconds -= step;
+      left_ -= step;
+    }
+  }
+  [[nodiscard]] double position() const { return position_; }
+  [[nodiscard]] std::int64_t counts() const { return static_cast<std::int64_t>(std::floor(position_)); }
+  [[nodiscard]] double fastest() const { return fastest_; }
+
+ private:
+  double fastest_, steepest_;
+  double position_ = 0, speed_ = 0, acceleration_ = 0, left_ = 0;
+  std::mt19937_64 rng_;
+};
+
+double seconds(Time time) { return static_cast<double>(time.count()) / 1e9; }
+
+TEST(PlausibilityGate, NeverRejectsAShaftAtItsLimits) {
+  for (const Time period : {Time{40'000}, kPeriod, Time{250'000}, Time{1'000'000}, Time{30'000'000}}) {
+    for (std::uint64_t seed = 0; seed < 40; ++seed) {
+      const AxisConfig axis = limits();
+      PlausibilityGate gate(kBits, axis);
+      gate.expect_every(period);
+      HardShaft shaft(axis, seed);
+      std::mt19937_64 rng(seed);
+      const Time uncertainty{std::uniform_int_distribution<>(0, 1)(rng) * 50};
+      Time now{0};
+      for (int k = 0; k < 2'000; ++k) {
+        // Late now and then, and a reply is missing.
+        Time dt = period + Time{std::uniform_int_distribution<>(0, 3'000)(rng)};
+        if (std::uniform_int_distribution<>(0, 9)(rng) == 0) {
+          gate.missed();
+          dt += period;
+        }
+        now += dt;
+        shaft.advance(seconds(dt));
+        const Time off{
+            std::uniform_int_distribution<std::int64_t>(-uncertainty.count(), uncertainty.count())(rng)};
+        ASSERT_EQ(gate.judge({shaft.counts(), now + off, uncertainty}), GateVerdict::accepted)
+            << period.count() << " ns, seed " << seed << ", reading " << k;
+        ASSERT_GE(gate.half_width(), 1U);
+      }
+    }
+  }
+}
+
+/// Readings with wrong bits among right ones, as a noisy line lets them pass.
+struct NoisyRun {
+  std::uint32_t wrong_held_back = 0;
+  std::uint32_t wrong_accepted = 0;
+  std::uint32_t dangerous = 0;  ///< accepted, and wrong by more than 0.18 degrees
+  std::uint32_t beyond = 0;     ///< accepted, and wrong by more than the stated half-width
+  std::uint32_t discontinuities = 0;
+  double fresh = 0;
+};
+NoisyRun run_noisy(double lost, double wrong, std::uint64_t seed, int readings) {
+  const AxisConfig axis = limits(6'000, 300'000);
+  PlausibilityGate gate(kBits, axis);
+  gate.expect_every(kPeriod);
+  HardShaft shaft(axis, seed);
+  std::mt19937_64 rng(seed);
+  std::uniform_real_distribution<> chance;
+  NoisyRun run;
+  Time now{0};
+  int fresh = 0;
+  for (int k = 0; k < readings; ++k) {
+    now += kPeriod;
+    shaft.advance(seconds(kPeriod));
+    if (k > 4 && chance(rng) < lost) {
+      gate.missed();
+      continue;
+    }
+    const bool is_wrong = k > 4 && chance(rng) < wrong;
+    std::int64_t raw = shaft.counts();
+    if (is_wrong) raw ^= std::int64_t{1} << std::uniform_int_distribution<>(0, 30)(rng);
+    const GateVerdict verdict = gate.judge({raw, now, Time{0}});
+    if (verdict == GateVerdict::reacquired) ++run.discontinuities;
+    if (verdict == GateVerdict::held_back) {
+      if (is_wrong) ++run.wrong_held_back;
+      continue;
+    }
+    ++fresh;
+    if (is_wrong) ++run.wrong_accepted;
+    const double error = std::abs(static_cast<double>(raw) - shaft.position());
+    if (error > 64) ++run.dangerous;
+    if (error > gate.half_width()) ++run.beyond;
+  }
+  run.fresh = static_cast<double>(fresh) / readings;
+  return run;
+}
+
+TEST(PlausibilityGate, NoDangerousReadingPassesAndTheHalfWidthHolds) {
+  NoisyRun all;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const NoisyRun run = run_noisy(0.1, 0.003, seed, 50'000);
+    all.wrong_held_back += run.wrong_held_back;
+    all.wrong_accepted += run.wrong_accepted;
+    all.dangerous += run.dangerous;
+    all.beyond += run.beyond;
+    all.discontinuities += run.discontinuities;
+    EXPECT_GT(run.fresh, 0.85) << seed;
+  }
+  EXPECT_GT(all.wrong_held_back, 2'000U);
+  EXPECT_GT(all.wrong_accepted, 100U) << "the low bits are inside every window";
+  EXPECT_EQ(all.dangerous, 0U);
+  EXPECT_EQ(all.beyond, 0U);
+  EXPECT_EQ(all.discontinuities, 0U) << "wrong readings do not agree with each other";
+}
+
+/// A gate that has seen a shaft at a steady speed, in counts a period.
+class Steady : public testing::Test {
+ protected:
+  Steady() { gate.expect_every(kPeriod); }
+  GateVerdict read(std::int64_t raw) {
+    now += kPeriod;
+    return gate.judge({raw, now, Time{0}});
+  }
+  void run(std::int64_t counts, int readings) {
+    for (int k = 0; k < readings; ++k) {
+      position += counts;
+      ASSERT_EQ(read(position), GateVerdict::accepted) << k;
+    }
+  }
+  void miss() {
+    now += kPeriod;
+    gate.missed();
+  }
+
+  PlausibilityGate gate{kBits, limits()};
+  Time now{0};
+  std::int64_t position = 1'000;
+};
+
+TEST_F(Steady, TheWindowIsNarrow) {
+  run(400, 10);
+  EXPECT_LE(gate.half_width(), 64U) << "good for a servo loop, even with wrong bits";
+  EXPECT_EQ(read(position + 400 + 16), GateVerdict::held_back);
+  EXPECT_EQ(read(position + 800), GateVerdict::accepted) << "one reading does not spoil the next";
+}
+
+TEST_F(Steady, AStepIsFollowedAfterFourThatAgree) {
+  run(400, 10);
+  position += 50'000;
+  for (int k = 1; k < PlausibilityGate::kAgree; ++k) {
+    position += 400;
+    EXPECT_EQ(read(position), GateVerdict::held_back) << k;
+  }
+  position += 400;
+  EXPECT_EQ(read(position), GateVerdict::reacquired);
+  position += 400;
+  EXPECT_EQ(read(position), GateVerdict::accepted);
+  run(400, 5);
+  EXPECT_LE(gate.half_width(), 64U);
+}
+
+TEST_F(Steady, ReadingsThatDoNotAgreeAreNeverFollowed) {
+  run(400, 10);
+  for (int k = 0; k < 100; ++k) EXPECT_EQ(read(1'000'000 * (k % 3 + 1)), GateVerdict::held_back) << k;
+}
+
+TEST_F(Steady, FrozenDataAreHeldBackAtOnceAndThenADiscontinuity) {
+  run(400, 10);
+  for (int k = 1; k < PlausibilityGate::kAgree; ++k) EXPECT_EQ(read(position), GateVerdict::held_back) << k;
+  EXPECT_EQ(read(position), GateVerdict::reacquired) << "it stands still, and no shaft stops so fast";
+}
+
+TEST_F(Steady, AfterTwoMissingOnesAReadingFarOffIsNotBelievedByItself) {
+  run(400, 10);
+  miss();
+  miss();
+  position += 3 * 400;
+  EXPECT_EQ(read(position + 40), GateVerdict::held_back) << "possible at full acceleration; or wrong bits";
+  position += 400;
+  EXPECT_EQ(read(position), GateVerdict::held_back)
+      << "the window has become wide: by itself it says too little";
+  position += 400;
+  EXPECT_EQ(read(position), GateVerdict::held_back);
+  position += 400;
+  EXPECT_EQ(read(position), GateVerdict::accepted) << "three that agree, and no discontinuity";
+}
+
+TEST_F(Steady, AfterTwoMissingOnesAReadingNearByIsFresh) {
+  run(400, 10);
+  miss();
+  miss();
+  position += 3 * 400;
+  EXPECT_EQ(read(position + 2), GateVerdict::accepted);
+}
+
+TEST_F(Steady, AnOutageEndsWithoutADiscontinuityWhereTheShaftCanBe) {
+  run(400, 10);
+  for (int k = 0; k < 300; ++k) miss();
+  position += 20'000;  // it has stopped somewhere on its way
+  for (int k = 1; k < PlausibilityGate::kAgreeInside; ++k)
+    EXPECT_EQ(read(position), GateVerdict::held_back) << k;
+  EXPECT_EQ(read(position), GateVerdict::accepted);
+}
+
+TEST_F(Steady, TimeDoesNotGoBack) {
+  run(0, 3);
+  now -= kPeriod * 2;
+  EXPECT_EQ(read(position), GateVerdict::held_back);
+}
+
+TEST_F(Steady, ForgettingBeginsAnew) {
+  run(400, 10);
+  gate.forget();
+  EXPECT_EQ(read(5'000'000), GateVerdict::accepted);
+}
+
+TEST(PlausibilityGate, ASlowCycleBelievesWhatSpeedAllows) {
+  PlausibilityGate gate(kBits, limits());
+  gate.expect_every(Time{100'000'000});
+  EXPECT_EQ(gate.judge({0, Time{0}, Time{0}}), GateVerdict::accepted);
+  gate.missed();
+  gate.missed();
+  EXPECT_EQ(gate.judge({3'000'000, Time{300'000'000}, Time{0}}), GateVerdict::accepted);
+  EXPECT_GT(gate.half_width(), 3'000'000U) << "and says what that is worth";
+}
+
+TEST(PlausibilityGate, NothingOverflowsAtTheEnds) {
+  for (const unsigned bits : {17U, 23U}) {
+    for (const std::int32_t rpm : {1, AxisConfig::kFastest}) {
+      for (const std::int32_t rpm_s : {1, AxisConfig::kSteepest}) {
+        PlausibilityGate gate(bits, limits(rpm, rpm_s));
+        gate.expect_every(Time{1});
+        const std::int64_t far = std::int64_t{1} << (bits + 15);
+        Time now{0};
+        for (const Time dt : {Time{1}, Time{40'000}, Time{15'999'999}, Time{std::chrono::hours(24 * 365)}}) {
+          for (const std::int64_t raw : {std::int64_t{0}, far, -far}) {
+            for (const Time uncertainty : {Time{0}, Time{std::chrono::seconds(1)}}) {
+              now += dt;
+              (void)gate.judge({raw, now, uncertainty});
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tm485
