@@ -85,6 +85,9 @@ constexpr std::array<Row, kErrcCount> kErrors{{
     {Errc::position_lost,
      {"position_lost", protocol, "too long without a good frame to count turns from single-turn data",
       "read ID3, or find the cause of the gap"}},
+    {Errc::encoder_restarted,
+     {"encoder_restarted", protocol, "the turn count is back at its start value: the encoder was restarted",
+      "check the encoder's supply and its connector, then reference the axis"}},
 
     {Errc::alarm_fault,
      {"alarm_fault", device, "the encoder reports a fault", "see the alarm's own cause and remedy"}},

@@ -15,7 +15,8 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
       gate_(profile.profile().single_turn_bits, axis),
       electrical_offset_(axis.electrical_offset),
       pole_pairs_(axis.pole_pairs),
-      reversed_(axis.reversed) {
+      reversed_(axis.reversed),
+      keeps_turns_(axis.after_restart == Continuity::re_reference) {
   const unsigned bits = profile.profile().single_turn_bits;
   const std::int64_t rpm = std::clamp<std::int32_t>(axis.max_speed_rpm, 1, 1'000'000);
   const bool counts_turns = profile.profile().multi_turn_bits != 0;
@@ -34,7 +35,33 @@ Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
   return sample;
 }
 
+/// Without a battery the turns begin anew with every power-up; with one a reset by somebody else looks the same.
+bool PositionTracker::restarted(const Frame& frame) const noexcept {
+  const Profile& profile = profile_->profile();
+  return frame.id() == DataId::everything && profile.multi_turn_bits != 0 &&
+         frame.turns(profile.multi_turn_bits) == profile.multi_turn_start &&
+         turns_ != profile.multi_turn_start;
+}
+
+void PositionTracker::found(Time gap) noexcept {
+  gate_.expect_every(gap);
+  tracking_ = true;
+  if (!kept_) return;
+  // Whole turns, so that the last position is at most half a turn away.
+  const unsigned bits = profile_->profile().single_turn_bits;
+  const std::int64_t half = std::int64_t{1} << (bits - 1);
+  offset_ += ((raw_ - kept_raw_ + half) >> bits) * (std::int64_t{1} << bits);
+  referenced_ = referenced_ || kept_referenced_;
+  kept_ = false;
+}
+
 Sample PositionTracker::forget() noexcept {
+  if (keeps_turns_ && tracking_ && has_raw_) {
+    kept_ = true;
+    kept_raw_ = raw_;
+    kept_referenced_ = referenced_;
+  }
+  tracking_ = false;
   has_raw_ = false;
   raw_ = 0;
   gate_.forget();

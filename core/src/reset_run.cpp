@@ -21,6 +21,7 @@ std::expected<void, Errc> ResetRun::start(ResetKind kind) noexcept {
   sent_ = 0;
   wait_until_ = Time{0};
   result_ = {};
+  result_.kind = kind;
   outcome_.reset();
   return {};
 }

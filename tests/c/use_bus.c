@@ -57,6 +57,16 @@ int use_bus(const test_line* line, const char* preset, tm485_data_id id, tm485_t
   CHECK(tm485_bus_last_record(&bus, &to->record) > samples / 2);
   CHECK(tm485_bus_error_count(&bus, TM485_ERR_TIMEOUT) == to->statistics.errors[TM485_ERR_TIMEOUT]);
   CHECK(tm485_bus_error_count(&bus, 999) == 0);
+  {
+    tm485_link_health link;
+    tm485_alarms alarms;
+    tm485_bus_link(&bus, &link);
+    CHECK(link.state == TM485_LINK_GOOD || link.state == TM485_LINK_DEGRADED);
+    CHECK(link.measured && link.host == 0);
+    CHECK((uint32_t)link.silence + link.damage + link.implausible <= to->statistics.failed);
+    tm485_bus_alarms(&bus, &alarms);
+    CHECK(alarms.live == alarms.latched && alarms.live_level == alarms.latched_level);
+  }
   tm485_bus_stop(&bus);
   CHECK(tm485_bus_get_state(&bus) == TM485_STATE_STOPPED);
   return 0;

@@ -57,7 +57,7 @@ TEST(Read, AnIdHasItsOwnKeysAndNoOther) {
     return names;
   };
   using Names = std::vector<std::string>;
-  EXPECT_EQ(keys("0"), (Names{"abs", "position", "quality", "sequence", "sf", "t_ns"}));
+  EXPECT_EQ(keys("0"), (Names{"abs", "half_width", "position", "quality", "sequence", "sf", "t_ns"}));
   EXPECT_EQ(keys("1"), (Names{"abm", "quality", "sequence", "sf", "t_ns", "turns"}));
   EXPECT_EQ(keys("2"), (Names{"enid", "quality", "sequence", "sf", "t_ns"}));
 }
@@ -113,6 +113,20 @@ TEST(Read, APositionBeyondTheSpeedOfTheShaftIsRefused) {
   EXPECT_EQ(finished.exit_code, 1);
   EXPECT_NE(finished.err.find("tm485: frames_inconsistent:"), std::string::npos) << finished.err;
   EXPECT_EQ(run({"read", "sim:rpm=9000", "-n", "5", "--max-speed", "200rev/s"}).exit_code, 0);
+}
+
+TEST(Monitor, ASampleSaysByHowMuchItCanBeWrongAndLessWithATighterAcceleration) {
+  const auto half_width = [](const Process::Arguments& more) {
+    Process::Arguments arguments{"monitor", "sim:rpm=300", "--seconds", "1", "--virtual", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Finished finished = run(arguments);
+    EXPECT_EQ(finished.exit_code, 0) << finished.err;
+    return objects(finished).back().at("half_width").get<int>();
+  };
+  const int by_default = half_width({});
+  EXPECT_GT(by_default, 0);
+  EXPECT_LT(by_default, 200);
+  EXPECT_LT(half_width({"--max-accel", "1000rad/s2"}), by_default);
 }
 
 TEST(Bench, TheLatencyAllowanceIsAnOption) {
@@ -320,6 +334,20 @@ TEST(Monitor, VirtualTimeShowsSpeedAndRate) {
   EXPECT_NEAR(lines.back().at("speed_rpm").get<double>(), 3000.0, 1.0);
   EXPECT_NEAR(lines.back().at("rate_percent").get<double>(), 100.0, 0.1);
   EXPECT_EQ(lines.back().at("alarms"), Json({"single_turn_error", "counting_error"}));
+  EXPECT_EQ(lines.back().at("alarms_latched"), Json({"single_turn_error", "counting_error"}));
+  EXPECT_EQ(lines.back().at("link").at("state"), "good");
+  EXPECT_EQ(lines.back().at("link").at("damage_ppm"), 0);
+}
+
+TEST(Monitor, ANoisyLineIsADegradedLinkAndSaysWhatFails) {
+  const Finished finished =
+      run({"monitor", "sim:rpm=3000,ber=0:5e-4,seed=4", "--seconds", "2", "--virtual", "--json"});
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  const Json link = objects(finished).back().at("link");
+  EXPECT_EQ(link.at("state"), "degraded");
+  EXPECT_GT(link.at("damage_ppm").get<int>(), 10'000);
+  const Finished block = run({"monitor", "sim:ber=0:5e-4,seed=4", "--seconds", "2", "--virtual"});
+  EXPECT_NE(block.out.find("link degraded, "), std::string::npos) << block.out;
 }
 
 TEST(Monitor, SurvivesAnEncoderThatIsLost) {

@@ -22,10 +22,11 @@ int run_decode(const DecodeOptions& options);
 /// What every command that talks to an encoder can be told.
 struct PortOptions {
   std::string port;
-  std::string profile;    ///< empty: the one that fits the port
-  std::string max_speed;  ///< empty: that of AxisConfig
-  std::string latency;    ///< of the port and the host; empty: what the port states
-  bool echo = false;      ///< the port receives its own requests
+  std::string profile;           ///< empty: the one that fits the port
+  std::string max_speed;         ///< empty: that of AxisConfig
+  std::string max_acceleration;  ///< likewise
+  std::string latency;           ///< of the port and the host; empty: what the port states
+  bool echo = false;             ///< the port receives its own requests
   std::string direction =
       "auto";             ///< who switches the RS-485 driver, in the words of linux_hal::parse_direction
   bool any_chip = false;  ///< open also a chip that is known not to make the bit rate

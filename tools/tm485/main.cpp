@@ -52,6 +52,10 @@ void add_port_options(CLI::App& app, PortOptions& options) {
                  "NAME of a preset, FILE.toml, or list; default: tm485_17, for sim:profile=X that one");
   app.add_option("--max-speed", options.max_speed,
                  "Faster than the shaft can turn, in rpm (6000): a position beyond that is refused");
+  app.add_option("--max-accel", options.max_acceleration,
+                 "More than the shaft is ever accelerated (1000000rpm/s; also rad/s2): likewise. The nearer "
+                 "to the truth, "
+                 "the less of a wrong position can pass");
   app.add_option(
       "--latency", options.latency,
       "A reply that is on the line is handed out within this time: 100ms; default: what the port states");

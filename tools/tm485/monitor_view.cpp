@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <array>
+
 #include "frame_view.hpp"
 #include "json_output.hpp"
 #include "quantity.hpp"
@@ -13,6 +15,7 @@ namespace tm485::cli {
 namespace {
 
 constexpr std::size_t kMostAlarms = 4;
+constexpr std::array kCauses{LinkCause::silence, LinkCause::damage, LinkCause::implausible, LinkCause::host};
 
 double seconds(Time time) { return static_cast<double>(time.count()) / 1e9; }
 
@@ -29,6 +32,28 @@ std::string alarm_names(StatusSet status, const AlarmPolicy& policy) {
                                                        : "");
   }
   return text.empty() ? "none" : text;
+}
+
+/// "good", or "degraded, 12000 ppm of the cycles fail (silence 1000, damage 11000)".
+std::string link_text(const LinkHealth& link) {
+  std::string text(name(link.state()));
+  if (!link.measured() || link.rate_ppm() == 0) return text;
+  text += fmt::format(", {} ppm of the cycles fail (", link.rate_ppm());
+  bool first = true;
+  for (const LinkCause cause : kCauses) {
+    if (link.failures(cause) == 0) continue;
+    text += fmt::format("{}{} {}", first ? "" : ", ", name(cause), link.rate_ppm(cause));
+    first = false;
+  }
+  return text + ')';
+}
+
+JsonObject to_json(const LinkHealth& link) {
+  JsonObject json;
+  json.set("state", name(link.state()));
+  if (!link.measured()) return json;
+  for (const LinkCause cause : kCauses) json.set(fmt::format("{}_ppm", name(cause)), link.rate_ppm(cause));
+  return json;
 }
 
 std::string state_text(const Moment& moment, Session& session) {
@@ -112,6 +137,10 @@ std::vector<std::string> monitor_block(Session& session, const Moment& moment) {
                               min_mean_max(statistics.reply_delay), bars(statistics.reply_delay.histogram()),
                               format_time(statistics.reply_delay.histogram().edge(0)),
                               format_time(statistics.reply_delay.histogram().edge(Histogram::kBins))));
+  lines.push_back(fmt::format("link       {}", link_text(session.bus().link())));
+  if (const StatusSet latched = session.bus().alarms().latched(); latched != session.bus().alarms().live())
+    lines.push_back(fmt::format("latched    {}; 'tm485 reset errors' clears what is gone",
+                                alarm_names(latched, session.profile().profile().alarms)));
   lines.push_back(fmt::format("cycles     {} good, {} failed, {} slips, {} skipped, encoder lost {} times",
                               statistics.good, statistics.failed, statistics.slips, statistics.skipped,
                               statistics.lost));
@@ -132,7 +161,8 @@ std::string monitor_line(Session& session, const Moment& moment) {
   text += fmt::format("  rate {:.1f} Hz ({:.1f} %)  T1 {}  {} {}", moment.rate_hz,
                       moment.rate_hz * 100.0 / limit_hz(session), min_mean_max(moment.statistics.t1),
                       reply_delay_name(session.capability()), min_mean_max(moment.statistics.reply_delay));
-  return text + fmt::format("  errors {}", error_counts(moment.statistics));
+  return text + fmt::format("  link {}  errors {}", link_text(session.bus().link()),
+                            error_counts(moment.statistics));
 }
 
 std::string monitor_json(Session& session, const Moment& moment) {
@@ -149,11 +179,15 @@ std::string monitor_json(Session& session, const Moment& moment) {
     if (moment.speed_rpm) json.set("speed_rpm", *moment.speed_rpm);
     json.set("sf", sample.status().sf()).set("almc", sample.status().almc()).set("enid", sample.enid());
     json.set("alarms", status_names(sample.status()));
+    if (sample.has_position()) json.set("half_width", sample.half_width());
   }
+  json.set("alarms_latched", status_names(session.bus().alarms().latched()));
+  json.set("link", to_json(session.bus().link()));
   const Statistics& statistics = moment.statistics;
   json.set("rate_hz", moment.rate_hz).set("rate_percent", moment.rate_hz * 100.0 / limit_hz(session));
   json.set("cycles", statistics.cycles).set("good", statistics.good).set("failed", statistics.failed);
   json.set("slips", statistics.slips).set("skipped", statistics.skipped).set("lost", statistics.lost);
+  json.set("restarts", statistics.restarts).set("discontinuities", statistics.discontinuities);
   json.set("t1", to_json(statistics.t1))
       .set(reply_delay_key(session.capability()), to_json(statistics.reply_delay));
   json.set("errors", error_counts_json(statistics));

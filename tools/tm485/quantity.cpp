@@ -34,6 +34,14 @@ constexpr std::array kSpeedUnits{
     Unit{"deg/s", 60.0 / 360},
     Unit{"rad/s", 60.0 / 6.283185307179586},
 };
+constexpr std::array kAccelerationUnits{
+    Unit{"", 1.0},
+    Unit{"rpm/s", 1.0},
+    Unit{"rev/s2", 60.0},
+    Unit{"rev/s^2", 60.0},
+    Unit{"rad/s2", 60.0 / 6.283185307179586},
+    Unit{"rad/s^2", 60.0 / 6.283185307179586},
+};
 constexpr std::array kAngleUnits{
     Unit{"rev", 1.0},         Unit{"turn", 1.0},         Unit{"turns", 1.0},
     Unit{"deg", 1.0 / 360.0}, Unit{"\u00B0", 1.0 / 360}, Unit{"rad", 1.0 / 6.283185307179586},
@@ -72,16 +80,17 @@ const Unit* find(const std::array<Unit, N>& units, std::string_view name) {
   return nullptr;
 }
 
-/// A number within ±10^6 of the base unit, which is the one of factor 1.
+/// A number within ±`largest` of the base unit, which is the one of factor 1.
 template <std::size_t N>
 std::expected<double, std::string> parse_with(std::string_view text, const std::array<Unit, N>& units,
-                                              std::string_view hint, std::string_view limit) {
+                                              std::string_view hint, std::string_view limit,
+                                              double largest = 1e6) {
   const auto parts = split(text);
   if (!parts) return std::unexpected(parts.error());
   const Unit* unit = find(units, parts->unit);
   if (unit == nullptr) return std::unexpected(fmt::format("'{}' is no unit of {}", parts->unit, hint));
   const double value = parts->number * unit->factor;
-  if (std::abs(value) > 1e6) return std::unexpected(fmt::format("it is above {}", limit));
+  if (std::abs(value) > largest) return std::unexpected(fmt::format("it is above {}", limit));
   return value;
 }
 
@@ -115,6 +124,11 @@ std::expected<Time, std::string> parse_period(std::string_view text) {
 
 std::expected<double, std::string> parse_rpm(std::string_view text) {
   return parse_with(text, kSpeedUnits, "speed: use rpm, rev/s or deg/s", "1000000 rpm");
+}
+
+std::expected<double, std::string> parse_acceleration(std::string_view text) {
+  return parse_with(text, kAccelerationUnits, "acceleration: use rpm/s, rev/s2 or rad/s2", "100000000 rpm/s",
+                    1e8);
 }
 
 std::expected<double, std::string> parse_angle(std::string_view text) {

@@ -22,6 +22,9 @@ enum class PlainNumber { refused, seconds, nanoseconds };
 /// A speed in rpm: plain or "rpm", "rev/s" (rps), "deg/s". Within ±10^6.
 [[nodiscard]] std::expected<double, std::string> parse_rpm(std::string_view text);
 
+/// An acceleration in rpm/s: plain or "rpm/s", "rev/s2", "rad/s2". Within ±10^8.
+[[nodiscard]] std::expected<double, std::string> parse_acceleration(std::string_view text);
+
 /// An angle in revolutions: "90deg" (°), "0.25rev", "1.5rad". The unit is needed. Within ±10^6 revolutions.
 [[nodiscard]] std::expected<double, std::string> parse_angle(std::string_view text);
 

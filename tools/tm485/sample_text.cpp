@@ -73,6 +73,8 @@ std::string sample_json(const Session& session, const Sample& sample, Errc resul
       json.set("position", sample.position());
     else
       json.set("position", in_units(session, sample));
+    json.set("half_width", sample.half_width());
+    if (sample.discontinuities() != 0) json.set("discontinuities", sample.discontinuities());
   }
   json.set("sf", sample.status().sf());
   if (fields.almc_at != 0) json.set("almc", sample.status().almc());

@@ -50,16 +50,30 @@ Problem refusal_problem(const CycleRefusal& refusal, const Cycle& cycle, const C
   return problem;
 }
 
-std::expected<SessionOptions, Problem> with_max_speed(SessionOptions options) {
-  const std::string& text = options.port.max_speed;
-  if (text.empty()) return options;
-  const auto rpm = parse_rpm(text);
-  if (!rpm || *rpm < 1.0) {
-    return std::unexpected(usage_problem(
-        "bad_speed", fmt::format("--max-speed {}: {}", text, rpm ? "it is below 1 rpm" : rpm.error()),
-        "write a speed such as 6000 or 6000rpm"));
+/// A limit of the shaft as it was written: 1 or more, rounded up.
+std::expected<std::int32_t, Problem> limit_of(const char* name, std::string_view option,
+                                              const std::string& text,
+                                              const std::expected<double, std::string>& value,
+                                              std::string_view unit) {
+  if (value && *value >= 1.0) return static_cast<std::int32_t>(std::ceil(*value));
+  return std::unexpected(usage_problem(
+      name,
+      fmt::format("{} {}: {}", option, text, value ? fmt::format("it is below 1 {}", unit) : value.error()),
+      fmt::format("write a number such as 6000 or 6000{}", unit)));
+}
+
+/// What the options of the port say about the shaft, in place of what stands in `options`.
+std::expected<SessionOptions, Problem> with_shaft(SessionOptions options) {
+  if (const std::string& text = options.port.max_speed; !text.empty()) {
+    const auto rpm = limit_of("bad_speed", "--max-speed", text, parse_rpm(text), "rpm");
+    if (!rpm) return std::unexpected(rpm.error());
+    options.max_speed_rpm = *rpm;
   }
-  options.max_speed_rpm = static_cast<std::int32_t>(std::ceil(*rpm));
+  if (const std::string& text = options.port.max_acceleration; !text.empty()) {
+    const auto rpm_s = limit_of("bad_acceleration", "--max-accel", text, parse_acceleration(text), "rpm/s");
+    if (!rpm_s) return std::unexpected(rpm_s.error());
+    options.max_acceleration_rpm_s = *rpm_s;
+  }
   return options;
 }
 
@@ -91,6 +105,7 @@ Session::Session(AnyPort port, const CompiledProfile& profile, const SessionOpti
       virtual_time_(options.virtual_time) {
   axis_.units = options.units;
   axis_.max_speed_rpm = options.max_speed_rpm;
+  axis_.max_acceleration_rpm_s = options.max_acceleration_rpm_s;
 }
 
 std::expected<std::unique_ptr<Session>, Problem> Session::open(const SessionOptions& options) {
@@ -110,9 +125,9 @@ std::expected<std::unique_ptr<Session>, Problem> Session::on(AnyPort port, const
 
 std::expected<std::unique_ptr<Session>, Problem> Session::begin(AnyPort port, const CompiledProfile& profile,
                                                                 const SessionOptions& options) {
-  const auto with_speed = with_max_speed(options);
-  if (!with_speed) return std::unexpected(with_speed.error());
-  std::unique_ptr<Session> session(new Session(std::move(port), profile, *with_speed));
+  const auto with_limits = with_shaft(options);
+  if (!with_limits) return std::unexpected(with_limits.error());
+  std::unique_ptr<Session> session(new Session(std::move(port), profile, *with_limits));
   Time period = options.cycle.period;
   if (period == Time{0} && options.wished_period)
     period = std::max(

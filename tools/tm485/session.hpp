@@ -24,6 +24,7 @@ struct SessionOptions {
       wished_period;  ///< with a cycle period of 0: this one, or a longer one if the port needs it
   Units units = Units::counts;
   std::int32_t max_speed_rpm = AxisConfig{}.max_speed_rpm;  ///< replaced by that of `port`, if it names one
+  std::int32_t max_acceleration_rpm_s = AxisConfig{}.max_acceleration_rpm_s;  ///< likewise
   bool virtual_time = false;
   bool cyclic = true;  ///< false: no cycle, the bus is there for background exchanges only
 };

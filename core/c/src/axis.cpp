@@ -106,7 +106,8 @@ void tm485_loop_get_view(const tm485_axis* axis, tm485_loop_view* view) {
            .stage = value(seen.stage),
            .valid = flag(seen.valid),
            .latched = flag(seen.latched),
-           .reserved = {}};
+           .link = value(seen.link),
+           .alarm = value(seen.alarm)};
 }
 
 void tm485_loop_servo_tick(tm485_axis* axis, tm485_time tick) {

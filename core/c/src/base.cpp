@@ -45,6 +45,7 @@ static_assert(same(Errc::enid_inconsistent, TM485_ERR_ENID_INCONSISTENT));
 static_assert(same(Errc::frames_inconsistent, TM485_ERR_FRAMES_INCONSISTENT));
 static_assert(same(Errc::position_implausible, TM485_ERR_POSITION_IMPLAUSIBLE));
 static_assert(same(Errc::position_lost, TM485_ERR_POSITION_LOST));
+static_assert(same(Errc::encoder_restarted, TM485_ERR_ENCODER_RESTARTED));
 static_assert(same(Errc::alarm_fault, TM485_ERR_ALARM_FAULT));
 static_assert(same(Errc::eeprom_busy, TM485_ERR_EEPROM_BUSY));
 static_assert(same(Errc::eeprom_mismatch, TM485_ERR_EEPROM_MISMATCH));

@@ -22,6 +22,8 @@ static_assert(std::has_unique_object_representations_v<tm485_bus_config> &&
               std::has_unique_object_representations_v<tm485_refusal> &&
               std::has_unique_object_representations_v<tm485_feasibility> &&
               std::has_unique_object_representations_v<tm485_completion> &&
+              std::has_unique_object_representations_v<tm485_link_health> &&
+              std::has_unique_object_representations_v<tm485_alarms> &&
               std::has_unique_object_representations_v<tm485_record>);
 static_assert(kFits<tm485_bus, BusContent>);
 static_assert(Pattern::kMaxSteps == TM485_MAX_STEPS);
@@ -36,6 +38,8 @@ static_assert(value(StartupStage::quiet) == TM485_STAGE_QUIET &&
               value(StartupStage::cross_check) == TM485_STAGE_CROSS_CHECK &&
               value(StartupStage::consistent) == TM485_STAGE_CONSISTENT &&
               value(StartupStage::done) == TM485_STAGE_DONE);
+static_assert(value(LinkState::good) == TM485_LINK_GOOD &&
+              value(LinkState::degraded) == TM485_LINK_DEGRADED && value(LinkState::lost) == TM485_LINK_LOST);
 static_assert(value(Kind::startup) == TM485_RECORD_STARTUP && value(Kind::cyclic) == TM485_RECORD_CYCLIC &&
               value(Kind::background) == TM485_RECORD_BACKGROUND);
 
@@ -62,6 +66,11 @@ std::optional<BusConfig> from_c(const tm485_bus_config& config) noexcept {
   bus.max_hold = Time{config.max_hold};
   bus.startup_frames = config.startup_frames;
   bus.lost_after = Time{config.lost_after};
+  bus.link = {.window = config.link_window,
+              .degraded_at = config.degraded_at,
+              .good_below = config.good_below,
+              .lost_after = config.link_lost_after};
+  bus.alarm_debounce = config.alarm_debounce;
   return bus;
 }
 
@@ -105,6 +114,11 @@ void tm485_bus_config_default(tm485_bus_config* config) {
   config->steal_every = bus.steal_every;
   config->eeprom_may_hold = flag(bus.eeprom_may_hold);
   config->startup_frames = bus.startup_frames;
+  config->link_window = bus.link.window;
+  config->degraded_at = bus.link.degraded_at;
+  config->good_below = bus.link.good_below;
+  config->link_lost_after = bus.link.lost_after;
+  config->alarm_debounce = bus.alarm_debounce;
 }
 
 void tm485_bus_config_cycle(tm485_bus_config* config, tm485_data_id id, tm485_time slot) {
@@ -189,6 +203,25 @@ tm485_errc tm485_bus_startup_error(const tm485_bus* bus, tm485_startup_stage* st
   if (!error) return TM485_OK;
   if (stage != nullptr) *stage = value(error->stage);
   return code(error->cause);
+}
+
+void tm485_bus_link(const tm485_bus* bus, tm485_link_health* health) {
+  using tm485::LinkCause;
+  const tm485::LinkHealth& link = bus_in(bus).link();
+  *health = {.silence = link.failures(LinkCause::silence),
+             .damage = link.failures(LinkCause::damage),
+             .implausible = link.failures(LinkCause::implausible),
+             .host = link.failures(LinkCause::host),
+             .state = value(link.state()),
+             .measured = flag(link.measured())};
+}
+
+void tm485_bus_alarms(const tm485_bus* bus, tm485_alarms* alarms) {
+  const tm485::AlarmMonitor& seen = bus_in(bus).alarms();
+  *alarms = {.live = seen.live().bits(),
+             .latched = seen.latched().bits(),
+             .live_level = value(seen.live_level()),
+             .latched_level = value(seen.latched_level())};
 }
 
 void tm485_bus_statistics(const tm485_bus* bus, tm485_statistics* statistics) {

@@ -23,6 +23,9 @@ static_assert(sizeof(void*) != 8 || std::has_unique_object_representations_v<tm4
 static_assert(sizeof(tm485_profile_settings::enids) == EnidSet::kCapacity);
 static_assert(value(Units::counts) == TM485_UNITS_COUNTS && value(Units::rev) == TM485_UNITS_REV &&
               value(Units::deg) == TM485_UNITS_DEG && value(Units::rad) == TM485_UNITS_RAD);
+static_assert(value(Continuity::until_resumed) == TM485_CONTINUITY_UNTIL_RESUMED &&
+              value(Continuity::until_homed) == TM485_CONTINUITY_UNTIL_HOMED &&
+              value(Continuity::re_reference) == TM485_CONTINUITY_RE_REFERENCE);
 
 /// A text that ends with NUL; what is beyond the length of any name is not looked at. Bounded, and so no strlen(), which
 /// would be one more function of a C library.
@@ -122,7 +125,8 @@ tm485_errc compile(tm485_profile* to, const Profile& profile, tm485_profile_erro
 }  // namespace
 
 std::optional<AxisConfig> from_c(const tm485_axis_config& config) noexcept {
-  if (config.units > TM485_UNITS_RAD) return std::nullopt;
+  if (config.units > TM485_UNITS_RAD || config.after_restart > TM485_CONTINUITY_RE_REFERENCE)
+    return std::nullopt;
   AxisConfig axis;
   axis.reversed = config.reversed != 0;
   axis.zero_offset = config.zero_offset;
@@ -134,6 +138,7 @@ std::optional<AxisConfig> from_c(const tm485_axis_config& config) noexcept {
   axis.max_speed_rpm = config.max_speed_rpm;
   axis.max_acceleration_rpm_s = config.max_acceleration_rpm_s;
   axis.units = static_cast<Units>(config.units);
+  axis.after_restart = static_cast<Continuity>(config.after_restart);
   return axis;
 }
 
@@ -196,6 +201,7 @@ void tm485_axis_config_default(tm485_axis_config* config) {
   config->pole_pairs = axis.pole_pairs;
   config->reversed = flag(axis.reversed);
   config->units = value(axis.units);
+  config->after_restart = value(axis.after_restart);
 }
 
 double tm485_to_units(int64_t position, const tm485_axis_config* config, unsigned single_turn_bits) {

@@ -35,6 +35,7 @@ class Axis {
         validity_(setup.on_invalid),
         statistics_every_(setup.statistics_every),
         max_hold_(setup.bus.max_hold),
+        after_restart_(setup.bus.axis.after_restart),
         commands_(link_.commands),
         results_(link_.results),
         client_(link_) {
@@ -73,6 +74,7 @@ class Axis {
   void answer(const AxisLink::Posted& posted, Errc error, const std::optional<Reply>& reply) noexcept;
   [[nodiscard]] Errc resume(Time now) noexcept;
   void see_sample(Time now) noexcept;
+  void on_jump(const Sample& sample, Time now) noexcept;
   void on_sample(const Sample& sample, Time now) noexcept;
   void publish_changes(Time now) noexcept;
 
@@ -83,6 +85,9 @@ class Axis {
   Time statistics_every_;
   Time statistics_at_{0};
   Time max_hold_;
+  Continuity after_restart_;
+  std::uint32_t startups_ = 0;         ///< that have been seen
+  std::uint32_t discontinuities_ = 0;  ///< likewise
   Time fresh_until_{0};
   Time valid_until_{0};
   std::uint32_t ticks_ = 0;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "tm485/bus/link_health.hpp"
 #include "tm485/bus/startup.hpp"
 #include "tm485/bus/statistics.hpp"
 #include "tm485/errc.hpp"
@@ -15,6 +16,7 @@
 #include "tm485/motion/validity.hpp"
 #include "tm485/protocol/frame.hpp"
 #include "tm485/protocol/request.hpp"
+#include "tm485/protocol/status.hpp"
 #include "tm485/sync/latest_value.hpp"
 #include "tm485/sync/shared_latest.hpp"
 #include "tm485/sync/spsc_ring.hpp"
@@ -62,7 +64,10 @@ struct AxisView {
   bool latched = false;
   BusState state = BusState::stopped;
   StartupStage stage = StartupStage::quiet;
-  Errc startup_cause = Errc::ok;  ///< why the last start-up sequence failed
+  LinkState link = LinkState::lost;     ///< how good the line is
+  AlarmLevel alarm = AlarmLevel::none;  ///< of `alarms`, by the profile's policy
+  StatusSet alarms;                     ///< status bits since the last verified reset (AlarmMonitor::latched)
+  Errc startup_cause = Errc::ok;        ///< why the last start-up sequence failed
 };
 
 /// How many commands may be under way.

@@ -90,6 +90,8 @@ void Axis<P>::execute(const AxisLink::Posted& posted, Time now) noexcept {
 template <Port P>
 Errc Axis<P>::resume(Time now) noexcept {
   if (!newest_ || now >= valid_until_) return Errc::bad_state;
+  if (after_restart_ == Continuity::until_homed && validity_.latched() && !bus_.latest().referenced())
+    return Errc::bad_state;
   validity_.resume();
   validity_.on_good();
   ++resumed_;
@@ -165,10 +167,27 @@ void Axis<P>::publish_changes(Time now) noexcept {
   view.resumed = resumed_;
   view.valid = validity_.valid();
   view.latched = validity_.latched();
+  view.link = bus_.link().state();
+  view.alarms = bus_.alarms().latched();
+  view.alarm = bus_.alarms().latched_level();
   view.state = state_;
   view.stage = bus_.startup_stage();
   view.startup_cause = bus_.startup_error() ? bus_.startup_error()->cause : Errc::ok;
   link_.view.publish();
+}
+
+/// A fresh sample that does not go on from the last one: behind a start-up, or where the shaft cannot have come to.
+template <Port P>
+void Axis<P>::on_jump(const Sample& sample, Time now) noexcept {
+  if (const std::uint32_t startups = bus_.statistics().startups; startups != startups_) {
+    startups_ = startups;
+    discontinuities_ = sample.discontinuities();
+    if (after_restart_ == Continuity::re_reference && validity_.resume()) ++resumed_;
+  }
+  if (sample.discontinuities() == discontinuities_) return;
+  discontinuities_ = sample.discontinuities();
+  if (estimator_) estimator_->reset();
+  validity_.on_lost(now);
 }
 
 /// The bus has a new sample: fresh, held or invalid.
@@ -176,6 +195,7 @@ template <Port P>
 void Axis<P>::on_sample(const Sample& sample, Time now) noexcept {
   switch (sample.quality()) {
     case Quality::fresh:
+      on_jump(sample, now);
       if (estimator_) estimator_->update(sample);
       fresh_until_ = bus_.fresh_until();
       valid_until_ = fresh_until_ + max_hold_;

@@ -15,10 +15,13 @@
 #include <expected>
 #include <optional>
 
+#include "tm485/bus/alarm_monitor.hpp"
 #include "tm485/bus/background.hpp"
 #include "tm485/bus/exchange.hpp"
+#include "tm485/bus/link_health.hpp"
 #include "tm485/bus/pattern.hpp"
 #include "tm485/bus/port.hpp"
+#include "tm485/bus/reset_outcome.hpp"
 #include "tm485/bus/scheduler.hpp"
 #include "tm485/bus/startup.hpp"
 #include "tm485/bus/statistics.hpp"
@@ -54,6 +57,14 @@ struct BusConfig {
   /// profile's boot_time_min. In any case after failures that last as long as boot_time_min: a restart of the
   /// encoder must not go unnoticed behind them.
   Time lost_after{0};
+  LinkLimits link;                  ///< what is called a good line, and a lost one
+  std::uint8_t alarm_debounce = 2;  ///< replies in a row that must agree on a status bit (AlarmMonitor), 1..4
+
+  /// False if a part of it is out of its range. A bus refuses to start with it.
+  [[nodiscard]] constexpr bool valid() const noexcept {
+    return axis.valid() && link.valid() && alarm_debounce != 0 &&
+           alarm_debounce <= AlarmMonitor::kMostDebounce;
+  }
 };
 
 /// What may not go to the line meanwhile.
@@ -86,7 +97,9 @@ class Bus {
         config_(config),
         capability_(port.capability()),
         tracker_(profile, config.axis),
-        startup_(profile, tracker_, config.startup_frames) {
+        startup_(profile, tracker_, config.startup_frames),
+        link_(config.link),
+        alarms_(profile.profile().alarms, config.alarm_debounce) {
     if (config_.lost_after == Time{0}) config_.lost_after = profile.profile().boot_time_min / 2;
   }
 
@@ -106,8 +119,11 @@ class Bus {
   /// is always allowed. Bounded: at most one request and one reply. `now` never goes back.
   Time poll(Time now) noexcept;
 
-  /// The encoder was restarted (its power failed, or a tool says so): start-up begins again.
+  /// The encoder was restarted (its power failed, or a tool says so): start-up begins again. What the bus sees itself it
+  /// does itself: a silence as long as a restart, or turns that are back at their start value.
   void on_restart(Time now) noexcept;
+  /// A run of resets was read back (drive() calls this): latched alarms are cleared, a moved zero is looked for.
+  void on_reset(const ResetOutcome& outcome, Time now) noexcept;
 
   /// A tick of the servo clock (BusConfig::phase), stamped at `tick`; ignored without one, and before start(). Those that
   /// come during start-up let the pattern begin in phase.
@@ -157,6 +173,10 @@ class Bus {
   [[nodiscard]] const std::optional<StartupError>& startup_error() const noexcept { return startup_error_; }
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
   [[nodiscard]] const CycleRecord& last_record() const noexcept { return record_; }
+  /// How good the line is. `lost` after LinkLimits::lost_after failed cycles, long before the encoder is given up.
+  [[nodiscard]] const LinkHealth& link() const noexcept { return link_; }
+  /// Status bits, live and latched.
+  [[nodiscard]] const AlarmMonitor& alarms() const noexcept { return alarms_; }
   /// Counts records, so that a recorder knows whether last_record() is new.
   [[nodiscard]] std::uint32_t record_count() const noexcept { return record_count_; }
   /// The cyclic grid, if there is one.
@@ -243,6 +263,8 @@ class Bus {
   Exchange exchange_;
   Request cyclic_request_ = *Request::make(DataId::everything);
   BackgroundQueue background_;
+  LinkHealth link_;
+  AlarmMonitor alarms_;
   std::optional<StartupError> startup_error_;
   BusState state_ = BusState::stopped;
   bool settling_ = false;   ///< the last exchange failed: late bytes of it may still come

@@ -64,6 +64,9 @@ void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept
   failed_in_a_row_ = 0;
   last_good_ = now;
   saturating_increment(statistics_.good);
+  const bool all = reply.frame().id() == DataId::everything;
+  alarms_.on_reply(reply.frame().status(), all ? StatusSet(0xFF, 0xFF) : StatusSet(0xFF, 0));
+  link_.on_good();
   if (!(reply.frame().status() & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
   if (alarm == AlarmLevel::warning) saturating_increment(statistics_.warnings);
@@ -76,6 +79,7 @@ template <Port P>
 [[gnu::noinline]] bool Bus<P>::cycle_failed(Errc cause, Time now) noexcept {
   saturating_increment(statistics_.failed);
   record(cause, now);
+  link_.on_failed(record_.result);
   if (cause != Errc::position_implausible) tracker_.missed();
   const Sample held = tracker_.hold(now, valid_for());
   if (held.quality() == Quality::invalid && stale_at_ != kNever) {
@@ -88,7 +92,8 @@ template <Port P>
   const Time silent = now - last_good_;
   const bool lost = (failed_in_a_row_ == kFewest && silent >= config_.lost_after) ||
                     silent >= profile_->profile().boot_time_min;
-  return lost || cause == Errc::position_lost;
+  if (cause == Errc::encoder_restarted) saturating_increment(statistics_.restarts);
+  return lost || cause == Errc::position_lost || cause == Errc::encoder_restarted;
 }
 
 template <Port P>
@@ -116,13 +121,14 @@ void Bus<P>::after_startup_step(Time now) noexcept {
   }
   if (startup_.stage() != StartupStage::done) return;
   // The frames of the sequence have seeded the position; the first fresh sample comes with the first cycle.
+  link_.on_found(statistics_.startups == 0);
   saturating_increment(statistics_.startups);
   startup_error_.reset();
   failed_in_a_row_ = 0;
   last_good_ = now;
   cyclic_start_.reset();
   state_ = BusState::running;
-  tracker_.expect_every(sample_gap());
+  tracker_.found(sample_gap());
   if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
 }
 
@@ -168,8 +174,9 @@ void Bus<P>::begin_startup(Time now) noexcept {
   hold_ = LineHold::none;
   if (scheduler_) scheduler_->pause();
   state_ = BusState::startup;
+  link_.on_lost();
   publish(tracker_.forget());
-  tracker_.expect_every(Time{0});  // a lost frame delays the next one of start-up by as long as it likes
+  tracker_.search();  // a lost frame delays the next one of start-up by as long as it likes
   startup_.begin(now, capability_.latency_allowance);
 }
 
@@ -201,6 +208,15 @@ void Bus<P>::on_restart(Time now) noexcept {
   if (state_ == BusState::stopped) return;
   saturating_increment(statistics_.restarts);
   begin_startup(now);
+}
+
+template <Port P>
+void Bus<P>::on_reset(const ResetOutcome& outcome, Time now) noexcept {
+  alarms_.on_reset(outcome);
+  if (outcome.kind == ResetKind::errors) return;
+  // Zero and turns were moved under the tracker's feet.
+  tracker_.drop_turns();
+  on_restart(now);
 }
 
 template <Port P>

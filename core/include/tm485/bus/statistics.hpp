@@ -96,7 +96,7 @@ struct Statistics {
   std::uint32_t startups = 0;      ///< start-up sequences that succeeded
   std::uint32_t startup_failures = 0;
   std::uint32_t lost = 0;             ///< times that the encoder was given up and start-up began again
-  std::uint32_t restarts = 0;         ///< on_restart events
+  std::uint32_t restarts = 0;         ///< restarts of the encoder, seen or told (on_restart)
   std::uint32_t invalidated = 0;      ///< times that a sample became too old
   std::uint32_t discontinuities = 0;  ///< times that the shaft was found where it cannot have come to
   std::uint32_t stray_bytes = 0;      ///< bytes that belonged to no exchange
@@ -106,7 +106,6 @@ struct Statistics {
   std::uint32_t servo_ticks = 0;      ///< ticks of the servo clock that came
   std::uint32_t servo_locks = 0;      ///< times that the grid was moved to the servo clock's phase
   std::array<std::uint32_t, kErrcCount> errors{};  ///< every failure, in any phase, by cause
-  std::uint32_t spare = 0;                         ///< no padding
 
   TimeStatistic t1{Time{0}, 12};  ///< request start to request start of the cycle
   TimeStatistic reply_delay{Time{0},

@@ -12,6 +12,19 @@ namespace tm485 {
 /// Units for people; the loop itself works in counts.
 enum class Units : std::uint8_t { counts, rev, deg, rad };
 
+/// What becomes of an axis whose encoder was lost or restarted. In each case the position is invalid until start-up is
+/// through, and the drive is told to let go.
+enum class Continuity : std::uint8_t {
+  /// A fault: an Axis stays invalid until somebody resumes. The turns are those that the encoder counts now; the axis is
+  /// referenced only if a battery has kept them.
+  until_resumed,
+  /// Likewise, and nobody can resume before the axis was referenced (homed) again.
+  until_homed,
+  /// The turns are carried on: the position is the one nearest to the last, the axis as referenced as before, and an Axis
+  /// goes on by itself. Only for a shaft that cannot turn by half a turn meanwhile: a brake, a screw.
+  re_reference,
+};
+
 /// What is known about the axis. All integers, so that nothing is lost over 64 bits.
 struct AxisConfig {
   static constexpr std::int32_t kFastest = 1'000'000;     ///< rpm
@@ -30,6 +43,7 @@ struct AxisConfig {
   /// The shaft is never accelerated more; together with the speed it says where the shaft can be (PlausibilityGate). The
   /// default is that of a small servo motor without a load, 105 000 rad/s^2.
   std::int32_t max_acceleration_rpm_s = 1'000'000;
+  Continuity after_restart = Continuity::until_resumed;
   Units units = Units::counts;  ///< of `to_units`
 
   /// False if no position can be computed from it: an offset of 2^60 counts or more, a gear ratio over or under

@@ -33,8 +33,8 @@ class PositionTracker {
 
   /// A reply latched at `latch`, give or take `uncertainty`, becomes a fresh sample, written to `sample`.
   /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; or
-  /// position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is. After an error the
-  /// last sample stands.
+  /// position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
+  /// encoder_restarted: they agree, and the turn count is back at its start value. After an error the last sample stands.
   [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 
   /// The same as a value, with the profile's latch uncertainty.
@@ -62,8 +62,13 @@ class PositionTracker {
   /// The sample that it answers is invalid.
   Sample forget() noexcept;
 
-  /// Positions are read every `gap` from now on; 0: at no fixed time.
-  void expect_every(Time gap) noexcept { gate_.expect_every(gap); }
+  /// Start-up is through, the next sample will be fresh; positions are read every `gap` from now on (0: at no fixed time).
+  /// With Continuity::re_reference the turns of the last position before forget() are carried on.
+  void found(Time gap) noexcept;
+  /// Start-up begins: the time of the next position is not known.
+  void search() noexcept { gate_.expect_every(Time{0}); }
+  /// The turns were reset on purpose: what is known of them does not outlive the next forget().
+  void drop_turns() noexcept { tracking_ = kept_ = false; }
   /// A position was asked for, and the exchange has failed.
   void missed() noexcept { gate_.missed(); }
 
@@ -82,6 +87,7 @@ class PositionTracker {
   [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits) const noexcept;
   [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
+  [[nodiscard]] bool restarted(const Frame& frame) const noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
   void take_fields(const Frame& frame) noexcept;
 
@@ -110,6 +116,13 @@ class PositionTracker {
   bool has_reply_ = false;
   bool has_position_ = false;
   bool referenced_ = false;
+
+  // Before forget(), for Continuity::re_reference.
+  bool keeps_turns_;
+  bool tracking_ = false;  ///< found() was called since
+  bool kept_ = false;      ///< there is a last position
+  bool kept_referenced_ = false;
+  std::int64_t kept_raw_ = 0;
 };
 
 /// How far a frame with turns is from the last position: as a number of as many bits as turns and ABS have together, so
@@ -216,6 +229,7 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
       case GateVerdict::accepted:
         break;
       case GateVerdict::reacquired:
+        if (restarted(frame)) return Errc::encoder_restarted;
         ++discontinuities_;
         referenced_ = false;
         break;

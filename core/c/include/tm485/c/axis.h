@@ -87,7 +87,8 @@ typedef struct tm485_loop_view {
   tm485_startup_stage stage;
   uint8_t valid;   /* 0: no sample yet, or invalid is latched */
   uint8_t latched; /* it was lost: resume, if the loop means to go on */
-  uint8_t reserved[2];
+  tm485_link_state link;
+  tm485_alarm alarm; /* of the latched status bits: tm485_bus_alarms() */
 } tm485_loop_view;
 void tm485_loop_get_view(const tm485_axis* axis, tm485_loop_view* view);
 

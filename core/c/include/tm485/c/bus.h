@@ -68,6 +68,11 @@ typedef struct tm485_bus_config {
   uint16_t steal_every; /* N: a background request that fits no gap takes one slot in N; 0: it is refused */
   uint8_t eeprom_may_hold; /* 1: EEPROM writes that hold the bus are sent, the sample is held meanwhile */
   uint8_t startup_frames;  /* mutually consistent frames before anything is fresh */
+  uint16_t link_window;    /* cycles over which failures are counted, 1 or more */
+  uint16_t degraded_at;    /* failed ones among them that make the link degraded, 1 or more */
+  uint16_t good_below;     /* a window with fewer makes it good again; 1 to degraded_at */
+  uint8_t link_lost_after; /* failed cycles in a row that make it lost, 1 or more */
+  uint8_t alarm_debounce;  /* replies in a row that must agree on a status bit, 1 to 4 */
   uint8_t reserved[2];
 } tm485_bus_config;
 
@@ -122,6 +127,27 @@ typedef struct tm485_completion {
   uint8_t has_reply;
   uint8_t reserved;
 } tm485_completion;
+
+/* How good the line is: degraded and lost by the limits of tm485_bus_config. */
+typedef uint8_t tm485_link_state;
+enum { TM485_LINK_GOOD, TM485_LINK_DEGRADED, TM485_LINK_LOST };
+/* Failed cycles of the last whole window, by who is to blame. */
+typedef struct tm485_link_health {
+  uint16_t silence;     /* no reply */
+  uint16_t damage;      /* bytes that are no frame */
+  uint16_t implausible; /* frames that cannot be true */
+  uint16_t host;        /* the port, or an owner that came too late */
+  tm485_link_state state;
+  uint8_t measured; /* 0: no whole window has passed, the counts say nothing */
+} tm485_link_health;
+
+/* SF and ALMC over time. Latched bits are cleared by a reset run that was read back, and by nothing else. */
+typedef struct tm485_alarms {
+  tm485_status live;
+  tm485_status latched;
+  tm485_alarm live_level; /* by the profile's policy */
+  tm485_alarm latched_level;
+} tm485_alarms;
 
 /* The last exchange, for whoever records every cycle. */
 typedef uint8_t tm485_record_kind;
@@ -188,6 +214,8 @@ tm485_bus_state tm485_bus_get_state(const tm485_bus* bus);
 tm485_startup_stage tm485_bus_startup_stage(const tm485_bus* bus);
 /* Why and where the last start-up sequence failed; TM485_OK if none has since the last good one. `stage` may be NULL. */
 tm485_errc tm485_bus_startup_error(const tm485_bus* bus, tm485_startup_stage* stage);
+void tm485_bus_link(const tm485_bus* bus, tm485_link_health* health);
+void tm485_bus_alarms(const tm485_bus* bus, tm485_alarms* alarms);
 /* All statistics. The means divide 64-bit numbers, so not in the cycle of a small core. */
 void tm485_bus_statistics(const tm485_bus* bus, tm485_statistics* statistics);
 /* One of its error counts; 0 for a code that is none. */

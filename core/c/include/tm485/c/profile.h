@@ -92,6 +92,14 @@ tm485_time tm485_profile_exchange_max(const tm485_profile* profile, tm485_data_i
 typedef uint8_t tm485_units;
 enum { TM485_UNITS_COUNTS, TM485_UNITS_REV, TM485_UNITS_DEG, TM485_UNITS_RAD };
 
+/* An encoder was lost or restarted: the position is invalid until start-up is through, and then. */
+typedef uint8_t tm485_continuity;
+enum {
+  TM485_CONTINUITY_UNTIL_RESUMED, /* an axis stays invalid until somebody resumes */
+  TM485_CONTINUITY_UNTIL_HOMED,   /* likewise, and nobody can resume before it was referenced again */
+  TM485_CONTINUITY_RE_REFERENCE /* the position nearest to the last; only for a shaft that stands meanwhile */
+};
+
 typedef struct tm485_axis_config {
   int64_t zero_offset;            /* encoder counts that become position 0, before direction */
   int32_t reference_turn;         /* turn count that becomes turn 0, if has_reference_turn */
@@ -104,7 +112,8 @@ typedef struct tm485_axis_config {
   uint8_t reversed;               /* 0: counter-clockwise seen from the output shaft is positive */
   uint8_t has_reference_turn;     /* 0: the profile's multi_turn_start becomes turn 0 */
   tm485_units units;              /* of tm485_to_units() */
-  uint8_t reserved[3];
+  tm485_continuity after_restart; /* what becomes of an axis whose encoder was lost or restarted */
+  uint8_t reserved[2];
 } tm485_axis_config;
 
 /* Counts as they come, gear 1, one pole pair, 6000 rpm, 1 000 000 rpm/s. Any; constant time. */

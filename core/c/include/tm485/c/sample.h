@@ -29,11 +29,11 @@ typedef struct tm485_sample {
   uint32_t electrical_angle;     /* 2^32 is one electrical turn */
   uint32_t latch_uncertainty_ns; /* +- of the latch time */
   uint32_t announced_hold_ns;    /* an EEPROM write is about to take the line for so long; 0: none */
-  uint32_t half_width;           /* by how many counts position can be wrong, undetected wrong bits included */
-  uint32_t discontinuities;      /* a new number: the shaft was found where it cannot have come to; wraps */
-  tm485_status status;           /* SF and ALMC */
-  uint8_t enid;                  /* as of the last reply that had one */
-  tm485_data_id id;              /* of the reply that it came from */
+  uint32_t half_width;      /* by how many counts position can be wrong, undetected wrong bits included */
+  uint32_t discontinuities; /* a new number: the shaft was found where it cannot have come to; wraps */
+  tm485_status status;      /* SF and ALMC */
+  uint8_t enid;             /* as of the last reply that had one */
+  tm485_data_id id;         /* of the reply that it came from */
   tm485_quality quality;
   tm485_alarm alarm;
   uint8_t referenced;   /* 0 until the axis is homed, or the encoder kept its turns over a power-off */
@@ -69,16 +69,16 @@ typedef struct tm485_statistics {
   uint32_t longest_wait; /* of a background request, in cyclic slots */
   uint32_t startups;     /* start-up sequences that succeeded */
   uint32_t startup_failures;
-  uint32_t lost;            /* times that the encoder was given up and start-up began again */
-  uint32_t restarts;        /* restart events */
-  uint32_t invalidated;     /* times that a sample became too old */
-  uint32_t discontinuities; /* times that the shaft was found where it cannot have come to */
-  uint32_t stray_bytes;     /* bytes that belonged to no exchange */
-  uint32_t reserved_status; /* good replies with a status bit that the profile calls reserved */
-  uint32_t warnings;        /* good replies with TM485_ALARM_WARNING */
-  uint32_t faults;          /* good replies with TM485_ALARM_FAULT */
-  uint32_t servo_ticks;     /* ticks of the servo clock that came */
-  uint32_t servo_locks;     /* times that the grid was moved to the servo clock's phase */
+  uint32_t lost;                    /* times that the encoder was given up and start-up began again */
+  uint32_t restarts;                /* restart events */
+  uint32_t invalidated;             /* times that a sample became too old */
+  uint32_t discontinuities;         /* times that the shaft was found where it cannot have come to */
+  uint32_t stray_bytes;             /* bytes that belonged to no exchange */
+  uint32_t reserved_status;         /* good replies with a status bit that the profile calls reserved */
+  uint32_t warnings;                /* good replies with TM485_ALARM_WARNING */
+  uint32_t faults;                  /* good replies with TM485_ALARM_FAULT */
+  uint32_t servo_ticks;             /* ticks of the servo clock that came */
+  uint32_t servo_locks;             /* times that the grid was moved to the servo clock's phase */
   uint32_t errors[TM485_ERRC_ROOM]; /* every failure, in any phase, by cause; 0 from TM485_ERRC_COUNT on */
   tm485_time_statistic t1;          /* request start to request start of the cycle */
   tm485_time_statistic reply_delay; /* T2 with wire timestamps, otherwise what the host has seen of it */

@@ -1,0 +1,177 @@
+// What a bus notices of its encoder: a restart by the turns, what becomes of the turns then, status bits over time, and
+// how good the line is.
+#include <gtest/gtest.h>
+
+#include "support/bus_fixture.hpp"
+
+namespace tm485 {
+namespace {
+
+using test::BusTest;
+using test::Bytes;
+using test::ms;
+using test::ScriptedPort;
+
+class BusTrust : public BusTest {
+ protected:
+  static constexpr std::int64_t kTurn = 131'072;
+
+  void begin_at_turn(std::uint32_t turn, const char* profile_name = "tm485_17") {
+    encoder.abm = turn;
+    begin_running(profile_name);
+    bus->set_referenced(true);
+    run_cycles(10);
+    ASSERT_EQ(bus->latest().quality(), Quality::fresh);
+  }
+  /// From now on the encoder's turns are `turn`, as after a short loss of its supply.
+  void restart_encoder(std::uint32_t turn = 1) {
+    encoder.abm = turn;
+    while (bus->state() == BusState::running && bus->statistics().failed < 50) {
+      run_cycles(1);
+      ASSERT_TRUE(bus->state() != BusState::running || bus->latest().quality() == Quality::held);
+    }
+    ASSERT_EQ(bus->state(), BusState::startup);
+    ASSERT_EQ(bus->latest().quality(), Quality::invalid);
+    ASSERT_TRUE(run_until_running());
+    run_cycles(1);
+    ASSERT_EQ(bus->latest().quality(), Quality::fresh);
+  }
+};
+
+TEST_F(BusTrust, TurnsBackAtTheirStartValueAreARestart) {
+  begin_at_turn(7);
+  restart_encoder();
+  EXPECT_EQ(errors(Errc::encoder_restarted), 1U);
+  EXPECT_EQ(bus->statistics().restarts, 1U);
+  EXPECT_EQ(bus->statistics().lost, 1U);
+  EXPECT_EQ(bus->statistics().failed, PlausibilityGate::kAgree) << "bounded";
+  EXPECT_EQ(bus->statistics().discontinuities, 0U);
+  EXPECT_EQ(bus->latest().position(), 1'000) << "the turns that it counts now";
+  EXPECT_FALSE(bus->latest().referenced());
+}
+
+TEST_F(BusTrust, OneReplyWithTheStartValueIsNone) {
+  begin_at_turn(7);
+  encoder.abm = 1;
+  run_cycles(PlausibilityGate::kAgree - 1);
+  encoder.abm = 7;
+  run_cycles(3);
+  EXPECT_EQ(bus->state(), BusState::running);
+  EXPECT_EQ(bus->statistics().restarts, 0U);
+  EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
+  EXPECT_TRUE(bus->latest().referenced());
+}
+
+TEST_F(BusTrust, AJumpToAnotherTurnIsADiscontinuityAndNoRestart) {
+  begin_at_turn(7);
+  encoder.abm = 3;
+  run_cycles(PlausibilityGate::kAgree);
+  EXPECT_EQ(bus->state(), BusState::running);
+  EXPECT_EQ(bus->statistics().restarts, 0U);
+  EXPECT_EQ(bus->statistics().discontinuities, 1U);
+}
+
+TEST_F(BusTrust, ReReferencingCarriesTheTurnsOn) {
+  config.axis.after_restart = Continuity::re_reference;
+  begin_at_turn(7);
+  encoder.abs = 130'000;  // the shaft was pushed back over the seam of a turn meanwhile
+  restart_encoder();
+  EXPECT_EQ(bus->latest().position(), 5 * kTurn + 130'000);
+  EXPECT_TRUE(bus->latest().referenced());
+  EXPECT_EQ(bus->latest().turns(), 1) << "as the encoder says";
+  run_cycles(100);
+  EXPECT_EQ(bus->latest().position(), 5 * kTurn + 130'000);
+}
+
+TEST_F(BusTrust, ReReferencingOutlivesASecondRestartAndAFailedStartUp) {
+  config.axis.after_restart = Continuity::re_reference;
+  begin_at_turn(7);
+  encoder.abm = 1;
+  run_cycles(PlausibilityGate::kAgree);
+  ASSERT_EQ(bus->state(), BusState::startup);
+  encoder.enid = 0x42;  // start-up refuses it
+  run(ms(50));
+  ASSERT_NE(bus->statistics().startup_failures, 0U);
+  encoder.enid = 0x11;
+  ASSERT_TRUE(run_until_running());
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
+  bus->on_restart(driver.now);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
+}
+
+TEST_F(BusTrust, AVerifiedResetOfTheTurnsIsNotCarriedOn) {
+  config.axis.after_restart = Continuity::re_reference;
+  begin_at_turn(7);
+  encoder.abm = 1;
+  ResetOutcome outcome;
+  outcome.kind = ResetKind::multi_turn;
+  outcome.verdict = ResetVerdict::verified;
+  bus->on_reset(outcome, driver.now);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().position(), 1'000);
+  EXPECT_FALSE(bus->latest().referenced());
+}
+
+TEST_F(BusTrust, StatusBitsAreLatchedUntilAResetWasReadBack) {
+  begin_running("tm485_17_battery");
+  encoder.almc = 0x10;
+  run_cycles(1);
+  EXPECT_TRUE(bus->alarms().live().empty()) << "one reply says little";
+  EXPECT_EQ(bus->latest().alarm(), AlarmLevel::warning) << "the sample says what its reply said";
+  run_cycles(1);
+  EXPECT_TRUE(bus->alarms().live().has(StatusBit::over_heat));
+  encoder.almc = 0;
+  run_cycles(2);
+  EXPECT_TRUE(bus->alarms().live().empty());
+  EXPECT_EQ(bus->alarms().latched_level(), AlarmLevel::warning);
+  bus->on_restart(driver.now);
+  ASSERT_TRUE(run_until_running());
+  EXPECT_EQ(bus->alarms().latched_level(), AlarmLevel::warning) << "a restart clears nothing";
+  ResetOutcome outcome;
+  outcome.verdict = ResetVerdict::verified;
+  bus->on_reset(outcome, driver.now);
+  EXPECT_TRUE(bus->alarms().latched().empty());
+  EXPECT_EQ(bus->state(), BusState::running) << "ID7 moves nothing";
+}
+
+TEST_F(BusTrust, TheLinkIsLostWithTheThirdFailedCycleAndDegradedWhenItIsBack) {
+  make();
+  EXPECT_EQ(bus->link().state(), LinkState::lost);
+  start();
+  ASSERT_TRUE(run_until_running());
+  EXPECT_EQ(bus->link().state(), LinkState::good);
+  dead_from = driver.now;
+  run_cycles(2);
+  EXPECT_EQ(bus->link().state(), LinkState::good);
+  run_cycles(1);
+  EXPECT_EQ(bus->link().state(), LinkState::lost);
+  EXPECT_EQ(bus->state(), BusState::running) << "the encoder is given up later";
+  dead_from = kNever;
+  run_cycles(PlausibilityGate::kAgreeInside);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+  EXPECT_EQ(bus->link().state(), LinkState::degraded);
+  run_cycles(2 * LinkLimits{}.window);
+  EXPECT_EQ(bus->link().state(), LinkState::good);
+  bus->on_restart(driver.now);
+  EXPECT_EQ(bus->link().state(), LinkState::lost);
+}
+
+TEST_F(BusTrust, WhatIsOutOfItsRangeIsRefused) {
+  config.link.window = 0;
+  make();
+  EXPECT_EQ(bus->start(driver.now).error().code, Errc::bad_argument);
+  config.link = {};
+  config.alarm_debounce = 5;
+  make();
+  EXPECT_EQ(bus->start(driver.now).error().code, Errc::bad_argument);
+  config.alarm_debounce = 0;
+  make();
+  EXPECT_EQ(bus->start(driver.now).error().code, Errc::bad_argument);
+}
+
+}  // namespace
+}  // namespace tm485
