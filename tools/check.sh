@@ -12,7 +12,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 # Cheap steps first: what fails, fails early.
-steps=(policy format headers heap model arm cost firmware gpiod2 tsan clang asan tidy vm)
+steps=(policy format headers heap model spin arm cost firmware gpiod2 tsan clang asan tidy vm)
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -176,6 +176,9 @@ about[model]="relacy: the lock-free types under weak memory, and weakened twins 
 step_model() {
   build dev tm485_model && build/dev/tests/model/tm485_model
 }
+
+about[spin]="spin: the whole protocol with faults, every way: T1, bounded waits, recovery; and broken twins that it must find"
+step_spin() { tools/spin.sh; }
 
 about[tsan]="thread sanitizer with GCC and Clang 19, no suppressions: stress of the lock-free types, and races that it must find"
 step_tsan() {

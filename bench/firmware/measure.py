@@ -35,12 +35,13 @@ PARTS = {
     "servo_lock": "scheduler",
     "time": "scheduler",
     "plausibility": "position",
+    "link_health": "statistics",
     "position_tracker": "position",
     "axis_client": "axis",
 }
 
 # Calls through pointers on the way from an interrupt: the user's function, and the stack that it may use.
-DECLARED = {"tm485::Axis<": 64}
+DECLARED = {"tm485::Axis<": 64, "tm485::ValidityLatch::on_lost": 64}
 
 DIVISIONS = re.compile(r"^__(aeabi_u?ldivmod|u?divdi3|u?moddi3|u?divmoddi4)$")
 LIBC_ALLOWED = {"memcpy", "memset", "memmove", "memcmp"}
