@@ -23,6 +23,7 @@ LinkCause link_cause(Errc code) noexcept {
     case Errc::abs_out_of_range:
     case Errc::abm_reserved_bits:
     case Errc::enid_unexpected:
+    case Errc::status_inconsistent:
     case Errc::position_implausible:
     case Errc::position_lost:
     case Errc::encoder_restarted:

@@ -35,6 +35,14 @@ Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
   return sample;
 }
 
+/// SF and ALMC contradict each other, and not in the way that they did the last time: an encoder that means something else
+/// by these bits costs one reply, wrong bits are not taken for it.
+bool PositionTracker::doubtful(const Frame& frame) noexcept {
+  if (frame.status() == odd_status_) return false;
+  odd_status_ = frame.status();
+  return true;
+}
+
 /// Without a battery the turns begin anew with every power-up; with one a reset by somebody else looks the same.
 bool PositionTracker::restarted(const Frame& frame) const noexcept {
   const Profile& profile = profile_->profile();

@@ -81,7 +81,10 @@ void Startup::on_frame(const Frame& frame, Time latch, Time uncertainty, Time no
 
 void Startup::check_consistency(const Reply& reply, Time latch, Time uncertainty) noexcept {
   if (reply.frame().enid() != enid_) return fail(Errc::enid_inconsistent);
-  if (tracker_->seed(reply, latch, uncertainty) != Errc::ok) return fail(Errc::frames_inconsistent);
+  const Errc seeded = tracker_->seed(reply, latch, uncertainty);
+  // Asked again: from the second time on it is believed.
+  if (seeded == Errc::status_inconsistent && ++retries_ <= kRetries) return;
+  if (seeded != Errc::ok) return fail(Errc::frames_inconsistent);
   if (++frames_seen_ >= frames_wanted_) enter(StartupStage::done);
 }
 

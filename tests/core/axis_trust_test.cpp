@@ -120,8 +120,10 @@ TEST_F(AxisTrust, ReReferencingIsNoLicenceForADiscontinuity) {
 TEST_F(AxisTrust, TheLoopSeesLinkAndLatchedAlarms) {
   begin_running();
   EXPECT_EQ(axis->client().view().link, LinkState::good);
+  encoder.sf = 0x10;
   encoder.almc = 0x04;  // counting error
   run(ms(2));
+  encoder.sf = 0;
   encoder.almc = 0;
   run(ms(2));
   (void)read();

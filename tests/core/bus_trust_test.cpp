@@ -118,12 +118,14 @@ TEST_F(BusTrust, AVerifiedResetOfTheTurnsIsNotCarriedOn) {
 
 TEST_F(BusTrust, StatusBitsAreLatchedUntilAResetWasReadBack) {
   begin_running("tm485_17_battery");
+  encoder.sf = 0x20;
   encoder.almc = 0x10;
   run_cycles(1);
   EXPECT_TRUE(bus->alarms().live().empty()) << "one reply says little";
   EXPECT_EQ(bus->latest().alarm(), AlarmLevel::warning) << "the sample says what its reply said";
   run_cycles(1);
   EXPECT_TRUE(bus->alarms().live().has(StatusBit::over_heat));
+  encoder.sf = 0;
   encoder.almc = 0;
   run_cycles(2);
   EXPECT_TRUE(bus->alarms().live().empty());
@@ -136,6 +138,35 @@ TEST_F(BusTrust, StatusBitsAreLatchedUntilAResetWasReadBack) {
   bus->on_reset(outcome, driver.now);
   EXPECT_TRUE(bus->alarms().latched().empty());
   EXPECT_EQ(bus->state(), BusState::running) << "ID7 moves nothing";
+}
+
+TEST_F(BusTrust, StatusBitsThatContradictEachOtherAreHeldBackOnce) {
+  begin_running();
+  run_cycles(10);
+  encoder.almc = 0x04;  // and SF.4 is not set
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().quality(), Quality::held);
+  EXPECT_EQ(errors(Errc::status_inconsistent), 1U);
+  EXPECT_TRUE(bus->latest().status().empty());
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh) << "this encoder means it";
+  encoder.almc = 0;
+  run_cycles(1);
+  encoder.almc = 0x04;
+  run_cycles(1);
+  EXPECT_EQ(errors(Errc::status_inconsistent), 1U) << "as it did before";
+  encoder.sf = 0x20;  // and now neither of the battery's bits
+  run_cycles(1);
+  EXPECT_EQ(errors(Errc::status_inconsistent), 2U);
+}
+
+TEST_F(BusTrust, AnEncoderThatAlwaysContradictsItselfStarts) {
+  encoder.sf = 0x20;
+  begin_running();
+  run_cycles(100);
+  EXPECT_EQ(bus->statistics().startup_failures, 0U);
+  EXPECT_EQ(bus->statistics().failed, 0U);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
 }
 
 TEST_F(BusTrust, TheLinkIsLostWithTheThirdFailedCycleAndDegradedWhenItIsBack) {

@@ -44,7 +44,7 @@ TEST(PositionTracker, AFrameThatTheShaftCanHaveReachedInALongTimeIsGood) {
 
 TEST(PositionTracker, AnAlarmIsThatOfTheReplyAndNotOfAnOlderOne) {
   Track track;
-  EXPECT_EQ(track.id3(1, 1, 0x00, 0x04)->alarm(), AlarmLevel::fault);
+  EXPECT_EQ(track.id3(1, 1, 0x10, 0x04)->alarm(), AlarmLevel::fault);
   EXPECT_EQ(track->hold(track.now(), ms(2)).alarm(), AlarmLevel::fault);
   EXPECT_EQ(track.id0(1)->alarm(), AlarmLevel::none);
   EXPECT_EQ(track.id0(1, 0x10)->alarm(), AlarmLevel::fault);

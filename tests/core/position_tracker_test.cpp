@@ -232,9 +232,11 @@ TEST(PositionTracker, SequenceCountsEveryPublication) {
 TEST(PositionTracker, ABatteryKeepsTheReferenceUnlessTheEncoderSaysThatTurnsWereLost) {
   EXPECT_FALSE(Track("tm485_17").id3(1, 1)->referenced());
   EXPECT_TRUE(Track("tformat_17_battery").id3(1, 1)->referenced());
-  for (const int almc : {0x01, 0x08, 0x20, 0x40})
-    EXPECT_FALSE(Track("tformat_17_battery").id3(1, 1, 0x20, static_cast<std::uint8_t>(almc))->referenced())
+  for (const int almc : {0x01, 0x08, 0x20, 0x40}) {
+    const std::uint8_t sf = almc >= 0x10 ? 0x20 : 0x00;
+    EXPECT_FALSE(Track("tformat_17_battery").id3(1, 1, sf, static_cast<std::uint8_t>(almc))->referenced())
         << almc;
+  }
   EXPECT_TRUE(Track("tformat_17_battery").id3(1, 1, 0x20, 0x80)->referenced())
       << "a weak battery has lost nothing yet";
   Track homed;

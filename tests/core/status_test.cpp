@@ -103,5 +103,19 @@ TEST(Status, LevelsOfAPolicyOfOnesOwn) {
   EXPECT_EQ(policy.level(StatusSet(0x00, 0x02)), AlarmLevel::fault) << "in both sets: the higher";
 }
 
+TEST(StatusSet, ConsistencyIsThatOfSection3OnEveryValue) {
+  for (unsigned sf = 0; sf < 256; ++sf) {
+    for (unsigned almc = 0; almc < 256; ++almc) {
+      const bool single = (sf & 0x10U) != 0;
+      const bool group = (sf & 0x20U) != 0;
+      const bool counting = (almc & 0x04U) != 0;
+      const bool any = almc >= 0x10;
+      ASSERT_EQ(StatusSet(static_cast<std::uint8_t>(sf), static_cast<std::uint8_t>(almc)).consistent(),
+                single == counting && group == any)
+          << sf << ' ' << almc;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tm485

@@ -43,6 +43,7 @@ static_assert(same(Errc::enid_unexpected, TM485_ERR_ENID_UNEXPECTED));
 static_assert(same(Errc::eeprom_address_mismatch, TM485_ERR_EEPROM_ADDRESS_MISMATCH));
 static_assert(same(Errc::enid_inconsistent, TM485_ERR_ENID_INCONSISTENT));
 static_assert(same(Errc::frames_inconsistent, TM485_ERR_FRAMES_INCONSISTENT));
+static_assert(same(Errc::status_inconsistent, TM485_ERR_STATUS_INCONSISTENT));
 static_assert(same(Errc::position_implausible, TM485_ERR_POSITION_IMPLAUSIBLE));
 static_assert(same(Errc::position_lost, TM485_ERR_POSITION_LOST));
 static_assert(same(Errc::encoder_restarted, TM485_ERR_ENCODER_RESTARTED));

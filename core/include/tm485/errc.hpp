@@ -39,6 +39,7 @@ enum class Errc : std::uint8_t {
   eeprom_address_mismatch,  ///< an EEPROM reply names another address than the request
   enid_inconsistent,        ///< ID2 and ID3 report different encoder IDs
   frames_inconsistent,      ///< successive positions that no shaft can do
+  status_inconsistent,      ///< SF and ALMC contradict each other
   position_implausible,     ///< the shaft cannot be there: wrong bits that pass the CRC, or a step
   position_lost,            ///< too long without a frame to count turns from single-turn data
   encoder_restarted,        ///< the shaft is elsewhere, and the turn count is back at its start value

@@ -106,6 +106,7 @@ struct Statistics {
   std::uint32_t servo_ticks = 0;      ///< ticks of the servo clock that came
   std::uint32_t servo_locks = 0;      ///< times that the grid was moved to the servo clock's phase
   std::array<std::uint32_t, kErrcCount> errors{};  ///< every failure, in any phase, by cause
+  std::uint32_t spare = 0;                         ///< no padding
 
   TimeStatistic t1{Time{0}, 12};  ///< request start to request start of the cycle
   TimeStatistic reply_delay{Time{0},

@@ -33,7 +33,7 @@ class PositionTracker {
 
   /// A reply latched at `latch`, give or take `uncertainty`, becomes a fresh sample, written to `sample`.
   /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; or
-  /// position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
+  /// status_inconsistent: SF and ALMC contradict each other, for the first time in this way; position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
   /// encoder_restarted: they agree, and the turn count is back at its start value. After an error the last sample stands.
   [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 
@@ -88,6 +88,7 @@ class PositionTracker {
   [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   [[nodiscard]] bool restarted(const Frame& frame) const noexcept;
+  [[nodiscard]] bool doubtful(const Frame& frame) noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
   void take_fields(const Frame& frame) noexcept;
 
@@ -107,6 +108,7 @@ class PositionTracker {
   std::uint32_t announced_hold_ns_ = 0;
   std::uint32_t discontinuities_ = 0;
   StatusSet status_;
+  StatusSet odd_status_;  ///< the last one that contradicted itself
   AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
   DataId id_ = DataId::everything;
@@ -219,6 +221,8 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
   const Frame& frame = reply.frame();
   const DataId id = frame.id();
   const bool positioned = layout(id).abs_at != 0;
+  if (id == DataId::everything && !frame.status().consistent() && doubtful(frame)) [[unlikely]]
+    return Errc::status_inconsistent;
   if (positioned) {
     // The longest time that can have passed since the last position.
     const Time gap = latch - position_latch_ + uncertainty + uncertainty_;

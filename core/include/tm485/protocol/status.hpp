@@ -52,6 +52,14 @@ class StatusSet {
   [[nodiscard]] constexpr std::uint8_t almc() const noexcept { return static_cast<std::uint8_t>(bits_ >> 8); }
   [[nodiscard]] constexpr std::uint16_t bits() const noexcept { return bits_; }
   [[nodiscard]] constexpr bool empty() const noexcept { return bits_ == 0; }
+  /// What every known encoder of the family keeps to: SF.4 is ALMC.2, and SF.5 is one of ALMC.4 to ALMC.7. For the status of
+  /// an ID3 reply; section 3 infers it, so nothing may depend on it for ever.
+  [[nodiscard]] constexpr bool consistent() const noexcept {
+    constexpr unsigned kSingleTurn = 1U << 4;
+    constexpr unsigned kGroup = 1U << 5;
+    const bool group = (bits_ & 0xF000U) != 0;
+    return ((bits_ ^ (bits_ >> 6)) & kSingleTurn) == 0 && ((bits_ & kGroup) != 0) == group;
+  }
   [[nodiscard]] constexpr bool has(StatusBit bit) const noexcept { return !(*this & of(bit)).empty(); }
 
   friend constexpr StatusSet operator|(StatusSet a, StatusSet b) noexcept {

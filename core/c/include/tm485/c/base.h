@@ -72,6 +72,7 @@ enum {
   TM485_ERR_EEPROM_ADDRESS_MISMATCH, /* an EEPROM reply names another address than the request */
   TM485_ERR_ENID_INCONSISTENT,       /* ID2 and ID3 report different encoder IDs */
   TM485_ERR_FRAMES_INCONSISTENT,     /* successive positions that no shaft can do */
+  TM485_ERR_STATUS_INCONSISTENT,     /* SF and ALMC contradict each other */
   TM485_ERR_POSITION_IMPLAUSIBLE,    /* the shaft cannot be there: wrong bits that pass the CRC, or a step */
   TM485_ERR_POSITION_LOST,           /* too long without a frame to count turns from single-turn data */
   TM485_ERR_ENCODER_RESTARTED, /* the shaft is elsewhere, and the turn count is back at its start value */
