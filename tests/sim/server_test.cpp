@@ -98,6 +98,26 @@ TEST(PtyServer, FlipsBitsOfRequests) {
   EXPECT_EQ(client.receive(2, kSilenceMs), Bytes{0x92});
 }
 
+TEST(PtyServer, PlaysAFaultPlan) {
+  Running running{
+      pty_server("plan=lose replies=1 cycles=1..1; stuck column=2 value=1 cycles=2..2; echo cycles=3..3")};
+  const Client client{Client::terminal(running.path())};
+  client.send({0x92});
+  EXPECT_EQ(client.receive(4), kId2Reply);
+  client.send({0x92});
+  EXPECT_TRUE(client.receive(1, kSilenceMs).empty());
+  client.send({0x92});
+  EXPECT_EQ(client.receive(4), (Bytes{0x96, 0x04, 0x15, 0x87}));
+  client.send({0x92});
+  EXPECT_EQ(client.receive(5), (Bytes{0x92, 0x92, 0x00, 0x11, 0x83}));
+}
+
+TEST(PtyServer, RefusesFaultsOfALineByName) {
+  const auto server = Server::open_pty(*parse_sim_options("plan=bits replies=1e-9; talker every=1ms"));
+  ASSERT_FALSE(server.has_value());
+  EXPECT_NE(server.error().reason.find("'talker'"), std::string::npos);
+}
+
 TEST(PtyServer, ARequestMayArriveInPieces) {
   Running running{pty_server()};
   const Client client{Client::terminal(running.path())};

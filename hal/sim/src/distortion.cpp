@@ -119,11 +119,13 @@ std::size_t fitting(std::size_t count, double talker_bit, double listener_bit) n
 
 }  // namespace
 
-Distortion::Distortion(const DistortionConfig& config) noexcept
-    : config_{config},
-      distorts_{config.host_bits_per_second != config.encoder_bits_per_second || config.swap != Swap::none ||
-                config.glitches > 0.0},
-      random_{config.seed} {}
+Distortion::Distortion(const DistortionConfig& config) noexcept : random_{config.seed} { configure(config); }
+
+void Distortion::configure(const DistortionConfig& config) noexcept {
+  config_ = config;
+  distorts_ = config.host_bits_per_second != config.encoder_bits_per_second || config.swap != Swap::none ||
+              config.glitches > 0.0;
+}
 
 void Distortion::host_at_encoder(Burst& burst) const noexcept {
   const double host = bit_time(config_.host_bits_per_second);

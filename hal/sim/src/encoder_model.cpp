@@ -329,18 +329,19 @@ void EncoderModel::note_reset(std::uint8_t id) noexcept {
 void EncoderModel::clear_alarms() noexcept {
   latched_sf_ = 0;
   latched_almc_ = 0;
-  if (stale_) {
+  if (stale_ && stale_noticed_) {
     latch_alarms(kCountingErrorSf, kCountingErrorAlmc);
   } else {
     set_alarms(config_.sf, config_.almc);
   }
 }
 
-void EncoderModel::sample_stale(Time since) noexcept {
+void EncoderModel::sample_stale(Time since, bool noticed) noexcept {
   if (!stale_) unseen_motion_ = motion_;
   stale_ = true;
+  stale_noticed_ = noticed;
   motion_ = MotionProfile::constant(0.0, unseen_motion_.revolutions(since));
-  latch_alarms(kCountingErrorSf, kCountingErrorAlmc);
+  if (noticed) latch_alarms(kCountingErrorSf, kCountingErrorAlmc);
 }
 
 void EncoderModel::sample_fresh() noexcept {

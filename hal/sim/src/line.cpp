@@ -41,6 +41,9 @@ bool Line::transmit(Talker talker, Time start, std::span<const std::uint8_t> byt
   if (bytes.size() > Burst::kCapacity) [[unlikely]] {
     return transmit_long(talker, start, bytes, driver_on, driver_off);
   }
+  if (const Time end = start + character_time_ * static_cast<std::int64_t>(bytes.size()); end >= own_due_)
+      [[unlikely]]
+    add_own(end);
   Entry* entry = make_room();
   if (entry == nullptr) [[unlikely]]
     return false;
@@ -98,13 +101,35 @@ bool Line::drop_oldest() noexcept {
 inline void Line::commit(Entry& entry) noexcept {
   Burst& burst = entry.burst;
   bool altered = false;
-  if (hook_ != nullptr) [[unlikely]]
+  if (hook_ != nullptr) [[unlikely]] {
     altered = hook_->on_burst(burst);
+    own_due_ = hook_->next_own();
+  }
   if (distortion_ != nullptr) [[unlikely]] {
     distort(entry);
     return;
   }
   enter(entry, altered);
+}
+
+/// What the fault says by itself up to `until` joins the line; contention with what is there already follows from it.
+void Line::add_own(Time until) noexcept {
+  while (own_due_ <= until) {
+    Entry* const entry = make_room();
+    Burst& burst = entry != nullptr ? entry->burst : unheard_;
+    const bool speaks = hook_->on_own(burst);
+    own_due_ = hook_->next_own();
+    if (speaks && entry != nullptr && burst.count != 0) enter(*entry, true);
+  }
+}
+
+/// In turns, so that a talker who has spoken for long needs no more room than one who begins.
+void Line::settle_with_own(Time until) noexcept {
+  while (own_due_ <= until) {
+    const Time due = own_due_;
+    settle(due);
+    add_own(due);
+  }
 }
 
 /// Each listener hears the burst in its own way: the host's own echo and what the encoder hears become two entries.
@@ -219,7 +244,10 @@ inline void Line::settle_character(Entry& entry) noexcept {
   const bool framing_ok = ((burst.framing_errors >> k) & 1u) == 0;
   const bool answered = encoder_->on_character(burst.bytes[k], end - character_time_, end, framing_ok,
                                                entry.judged, room != nullptr ? room->burst : unheard_);
-  if (answered && room != nullptr) commit(*room);
+  if (!answered || room == nullptr) return;
+  commit(*room);
+  if (own_due_ != kNever) [[unlikely]]
+    add_own(room->end);
 }
 
 void Line::corrupt_if_overlapped(Entry& entry, std::uint8_t k) noexcept {
@@ -237,7 +265,7 @@ void Line::corrupt_if_overlapped(Entry& entry, std::uint8_t k) noexcept {
 }
 
 HostReception Line::host_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
-  if (head_ - done_ == 1 && !lost_) [[likely]] {
+  if (head_ - done_ == 1 && !lost_ && own_due_ > now) [[likely]] {
     // One burst that is whole, untouched and not disturbed: the way of nearly every reply. The host is the
     // only one who hears the encoder, so this settles it as well.
     const Entry& entry = at(done_);
@@ -304,7 +332,7 @@ Time Line::next_event() noexcept {
         heard = std::min(heard, entry.end);
       }
     }
-    if (heard <= request) return heard;
+    if (heard <= request || own_due_ <= request) return std::min(heard, own_due_);
     advance_to(request);
   }
 }

@@ -4,7 +4,9 @@
 #include <array>
 #include <chrono>
 #include <cstddef>
+#include <optional>
 #include <span>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -30,6 +32,15 @@ constexpr Time kSpin = std::chrono::microseconds{150};
 constexpr Time kRequestMayPause = std::chrono::milliseconds{20};
 constexpr Time kRefuseMayPause = std::chrono::microseconds{100};
 
+/// A fault that only a line in character time can show.
+std::optional<ServerError> refuse_plan(const SimOptions& options) {
+  const std::string_view name = options.faults.not_served();
+  if (name.empty()) return std::nullopt;
+  return ServerError{.what = "fault plan",
+                     .reason = "the fault '" + std::string{name} + "' has no meaning for a server",
+                     .remedy = "leave it out, or use the simulated port in virtual time: sim:plan=..."};
+}
+
 EncoderConfig without_host_timing(EncoderConfig config) {
   config.reset_spacing = Time{0};
   return config;
@@ -47,8 +58,8 @@ Server::Server(const SimOptions& options, std::unique_ptr<Endpoint> endpoint)
     : endpoint_{std::move(endpoint)},
       eeprom_file_{nullptr},
       model_{without_host_timing(options.encoder), options.motion},
-      bit_errors_{options.request_bit_errors, options.reply_bit_errors, options.seed + 3},
-      lost_replies_{options.lost_replies, 0.0, options.seed + 4},
+      plan_{fault_plan_of(options)},
+      plan_seed_{options.seed + 6},
       character_time_{Line{nullptr, options.line}.character_time()},
       echo_{options.line.echo},
       epoch_ns_{monotonic_ns()},
@@ -61,12 +72,14 @@ Server& Server::operator=(Server&&) noexcept = default;
 Server::~Server() = default;
 
 std::expected<Server, ServerError> Server::open_pty(const SimOptions& options, const std::string& link_path) {
+  if (auto refused = refuse_plan(options)) return std::unexpected{std::move(*refused)};
   auto endpoint = Endpoint::open_pty(link_path);
   if (!endpoint) return std::unexpected{endpoint.error()};
   return Server{options, std::move(*endpoint)};
 }
 
 std::expected<Server, ServerError> Server::open_unix(const SimOptions& options, const std::string& path) {
+  if (auto refused = refuse_plan(options)) return std::unexpected{std::move(*refused)};
   auto endpoint = Endpoint::open_unix(path);
   if (!endpoint) return std::unexpected{endpoint.error()};
   return Server{options, std::move(*endpoint)};
@@ -109,6 +122,8 @@ int Server::poll_ms() const {
 
 std::expected<void, ServerError> Server::serve(const std::atomic<bool>& stop) {
   std::array<std::uint8_t, kMostAtOnce> buffer{};
+  faults_ = std::make_unique<FaultPlayer>(
+      plan_, plan_seed_, FaultPlayer::Stage{.encoder = &model_, .character_time = character_time_});
   while (!stop.load(std::memory_order_relaxed)) {
     const auto count = endpoint_->wait(buffer, poll_ms());
     if (!count) return std::unexpected{count.error()};
@@ -119,16 +134,26 @@ std::expected<void, ServerError> Server::serve(const std::atomic<bool>& stop) {
   return save_eeprom(kNever);  // an orderly end lets the write under way end
 }
 
-/// Wrong bits on the way to the encoder, as on the virtual line: a burst at a time.
-void Server::disturb_request(std::span<std::uint8_t> bytes) {
-  while (!bytes.empty()) {
-    const std::span<std::uint8_t> part = bytes.first(std::min(bytes.size(), Burst::kCapacity));
+/// What the faults do to a request, a burst at a time. `heard` has room for twice as much. Answers how much is heard.
+std::size_t Server::disturb_request(std::span<const std::uint8_t> sent, Time start,
+                                    std::span<std::uint8_t> heard) {
+  std::size_t count = 0;
+  while (!sent.empty()) {
+    // Half a burst, so that there is room for characters too many.
+    const auto part = sent.first(std::min(sent.size(), Burst::kCapacity / 2));
     Burst burst;
+    burst.start = start;
     burst.count = static_cast<std::uint8_t>(part.size());
+    burst.driver_on = start;
+    burst.driver_off = start + character_time_ * burst.count;
+    start = burst.driver_off;
     std::ranges::copy(part, burst.bytes.begin());
-    if (bit_errors_.on_burst(burst)) std::copy_n(burst.bytes.begin(), part.size(), part.begin());
-    bytes = bytes.subspan(part.size());
+    static_cast<void>(faults_->on_burst(burst));
+    std::copy_n(burst.bytes.begin(), burst.count, heard.begin() + static_cast<std::ptrdiff_t>(count));
+    count += burst.count;
+    sent = sent.subspan(part.size());
   }
+  return count;
 }
 
 bool Server::continues_request(Time now) const noexcept {
@@ -148,13 +173,12 @@ void Server::handle(const std::uint8_t* bytes, std::size_t count, const std::ato
   last_answered_ = false;
   statistics_.bytes_in += count;
 
-  // The echo is what the host has sent.
-  std::array<std::uint8_t, kMostAtOnce> heard{};
-  std::copy_n(bytes, count, heard.begin());
-  disturb_request(std::span{heard}.first(count));
+  std::array<std::uint8_t, 2 * kMostAtOnce> heard{};
+  const std::size_t heard_count = disturb_request(std::span{bytes, count}, start, heard);
+  const Time sent_at = start;
 
   Burst reply;
-  for (std::size_t k = 0; k < count; ++k) {
+  for (std::size_t k = 0; k < heard_count; ++k) {
     // At most one of these completes a request: what follows without a gap is ignored by the model.
     Burst answer;
     const Time end = start + character_time_;
@@ -164,8 +188,8 @@ void Server::handle(const std::uint8_t* bytes, std::size_t count, const std::ato
     }
     start = end;
   }
-  request_end_ = start;
-  if (echo_) {
+  request_end_ = std::max(start, sent_at + character_time_ * static_cast<std::int64_t>(count));
+  if (echo_ || faults_->echoes()) {  // the echo is what the host has sent
     wait_until(request_end_, last_answered_, stop);
     write(bytes, count);
   }
@@ -174,11 +198,12 @@ void Server::handle(const std::uint8_t* bytes, std::size_t count, const std::ato
     return;
   }
   line_free_ = reply.driver_off;
-  static_cast<void>(bit_errors_.on_burst(reply));
-  static_cast<void>(lost_replies_.on_burst(reply));
-  statistics_.bits_flipped = bit_errors_.bits_flipped();
-  statistics_.replies_lost = lost_replies_.replies_lost();
-  if (reply.count == 0) return;
+  static_cast<void>(faults_->on_burst(reply));
+  statistics_.bits_flipped = faults_->bits_flipped();
+  if (reply.count == 0) {
+    ++statistics_.replies_lost;
+    return;
+  }
   wait_until(reply.start + character_time_ * reply.count, true, stop);
   write(reply.bytes.data(), reply.count);
   ++statistics_.replies;

@@ -3,6 +3,7 @@
 #include <array>
 #include <optional>
 #include <type_traits>
+#include <utility>
 
 #include "option_text.hpp"
 
@@ -71,7 +72,7 @@ class Parser {
     std::string_view name;
     Result (Parser::*read)(std::string_view key, std::string_view value);
   };
-  static const std::array<Key, 35> kKeys;
+  static const std::array<Key, 36> kKeys;
 
   template <class To>
   static Result put(To& to, const auto& value, std::string_view key, std::string_view text,
@@ -167,7 +168,12 @@ class Parser {
   Result read_lost(std::string_view key, std::string_view value) {
     return put(options_.lost_replies, number(value, 0.0, 1.0), key, value, "a probability 0..1");
   }
-
+  Result read_plan(std::string_view, std::string_view value) {
+    auto plan = FaultPlan::parse(value);
+    if (!plan) return std::unexpected{"plan: " + plan.error().text()};
+    options_.faults = std::move(*plan);
+    return {};
+  }
   Result read_glitch(std::string_view key, std::string_view value) {
     return put(options_.glitches, number(value, 0.0, 1.0), key, value, "a probability 0..1");
   }
@@ -273,7 +279,7 @@ class Parser {
   std::optional<std::uint64_t> eeprom_seed_;
 };
 
-const std::array<Parser::Key, 35> Parser::kKeys{{
+const std::array<Parser::Key, 36> Parser::kKeys{{
     {"profile", &Parser::read_profile},
     {"rpm", &Parser::read_rpm},
     {"accel", &Parser::read_accel},
@@ -295,6 +301,7 @@ const std::array<Parser::Key, 35> Parser::kKeys{{
     {"baud", &Parser::read_baud},
     {"ber", &Parser::read_ber},
     {"lost", &Parser::read_lost},
+    {"plan", &Parser::read_plan},
     {"glitch", &Parser::read_glitch},
     {"swap", &Parser::read_swap},
     {"power", &Parser::read_power},
@@ -312,6 +319,19 @@ const std::array<Parser::Key, 35> Parser::kKeys{{
 }};
 
 }  // namespace
+
+FaultPlan fault_plan_of(const SimOptions& options) {
+  FaultPlan plan;
+  if (options.request_bit_errors > 0.0 || options.reply_bit_errors > 0.0) {
+    plan.add({.kind = FaultKind::bits,
+              .values = {options.request_bit_errors, options.reply_bit_errors},
+              .seed = options.seed + 3});
+  }
+  if (options.lost_replies > 0.0)
+    plan.add({.kind = FaultKind::lose, .values = {options.lost_replies}, .seed = options.seed + 4});
+  plan.add(options.faults);
+  return plan;
+}
 
 std::expected<SimOptions, std::string> parse_sim_options(std::string_view text) {
   Parser parser;

@@ -36,6 +36,10 @@ class Distortion {
  public:
   explicit Distortion(const DistortionConfig& config) noexcept;
 
+  /// From now on this; the seed of the glitches stays.
+  void configure(const DistortionConfig& config) noexcept;
+  [[nodiscard]] const DistortionConfig& config() const noexcept { return config_; }
+
   /// False if everybody hears what was sent.
   [[nodiscard]] bool distorts() const noexcept { return distorts_; }
 
@@ -49,7 +53,7 @@ class Distortion {
 
  private:
   DistortionConfig config_;
-  bool distorts_;
+  bool distorts_ = false;
   Random random_;
   std::uint64_t glitches_ = 0;
 };

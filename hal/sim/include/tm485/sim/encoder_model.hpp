@@ -94,8 +94,9 @@ class EncoderModel {
   void set_alarms(std::uint8_t sf, std::uint8_t almc) noexcept;
 
   /// The sensor delivers nothing new any more: from now on every position is that of the instant `since`, and the
-  /// counting error (SF.4, ALMC.2) is latched; ID7 and IDC clear it only once sample_fresh() was called.
-  void sample_stale(Time since) noexcept;
+  /// counting error (SF.4, ALMC.2) is latched; ID7 and IDC clear it only once sample_fresh() was called. An encoder that
+  /// has not noticed it reports nothing.
+  void sample_stale(Time since, bool noticed = true) noexcept;
   void sample_fresh() noexcept;
 
   /// Alarm bits that stay until an ID7 or IDC run or a power cycle clears them.
@@ -116,6 +117,14 @@ class EncoderModel {
   /// to its own end: needed only to look at the EEPROM after a power loss that nobody has asked since.
   void advance_to(Time now) noexcept {
     if (now >= next_change_) apply_changes(now);
+  }
+
+  /// Where the shaft really is at `at`, in the counts of Latch::counts: also while the sensor is stale. Of an instant
+  /// before a power cycle or a reset it says what it would be by the counts of now.
+  [[nodiscard]] std::int64_t shaft_counts(Time at) const noexcept {
+    const std::int64_t shaft =
+        (stale_ ? unseen_motion_ : motion_).counts(at, config_.single_turn_bits) - zero_offset_;
+    return shaft + ((turn_base_ - config_.start_turn) << config_.single_turn_bits);
   }
 
   [[nodiscard]] const EncoderConfig& config() const noexcept { return config_; }
@@ -203,6 +212,7 @@ class EncoderModel {
   // What few cycles need.
   Time speaking_until_ = -kNever;  // end of the last reply about the EEPROM
   bool stale_ = false;
+  bool stale_noticed_ = false;
   MotionProfile unseen_motion_;  // the shaft's, while the sensor is stale
   EepromModel eeprom_;
 };

@@ -15,6 +15,13 @@ class FaultHook {
   /// Returns true if it changed anything: an altered request is no evidence for the T1 judge.
   virtual bool on_burst(Burst& burst) noexcept = 0;
 
+  /// When it next speaks by itself: the start of a burst of its own; kNever: it does not.
+  [[nodiscard]] virtual Time next_own() const noexcept { return kNever; }
+
+  /// Fills in that burst and moves on: next_own() is later from then on. Other faults do not see the burst. False: there
+  /// is none after all.
+  virtual bool on_own(Burst& /*burst*/) noexcept { return false; }
+
  protected:
   FaultHook() = default;
   FaultHook(const FaultHook&) = default;

@@ -57,6 +57,8 @@ class Line {
   /// Works off every character that ends by `now`; the encoder's replies join the line.
   void advance_to(Time now) noexcept {
     if (now > processed_) processed_ = now;
+    if (now >= own_due_) [[unlikely]]
+      settle_with_own(now);
     if (first_open_ != head_) settle(processed_);
   }
 
@@ -65,13 +67,17 @@ class Line {
   HostReception host_receive(std::span<std::uint8_t> buffer, Time now) noexcept;
 
   /// When the host can next hear something whole: the end of the burst under way, or of the reply to the
-  /// request under way; an instant in the past if characters wait to be taken; kNever if nothing is coming.
+  /// request under way; when a fault next speaks by itself; an instant in the past if characters wait to be taken; kNever
+  /// if nothing is coming.
   /// To know that, it works off the request under way to its end: put any disturbance that overlaps the
   /// request on the line before this call.
   [[nodiscard]] Time next_event() noexcept;
 
   /// Sets the fault that sees every burst from now on; null for none. It must outlive its use.
-  void set_fault_hook(FaultHook* hook) noexcept { hook_ = hook; }
+  void set_fault_hook(FaultHook* hook) noexcept {
+    hook_ = hook;
+    own_due_ = hook == nullptr ? kNever : hook->next_own();
+  }
 
   /// Sets what the receivers make of every burst from now on, after the fault hook; null: they hear what was sent. It
   /// must outlive its use.
@@ -79,6 +85,10 @@ class Line {
 
   void set_echo(bool echo) noexcept { echo_ = echo; }
 
+  /// The host's receiver has lost something: its next reception says so.
+  void overrun_host() noexcept { lost_ = true; }
+
+  [[nodiscard]] bool echo() const noexcept { return echo_; }
   [[nodiscard]] Time character_time() const noexcept { return character_time_; }
   [[nodiscard]] const LineStatistics& statistics() const noexcept { return statistics_; }
 
@@ -105,6 +115,8 @@ class Line {
   bool drop_oldest() noexcept;
   void commit(Entry& entry) noexcept;
   void enter(Entry& entry, bool altered) noexcept;
+  void add_own(Time until) noexcept;
+  void settle_with_own(Time until) noexcept;
   void distort(Entry& entry) noexcept;
   void mark_contention(Entry& added) noexcept;
   void skip_done() noexcept;
@@ -119,6 +131,7 @@ class Line {
   EncoderModel* encoder_;
   FaultHook* hook_ = nullptr;
   Distortion* distortion_ = nullptr;
+  Time own_due_ = kNever;  // FaultHook::next_own
   Time character_time_;
   Time processed_ = -kNever;
   bool echo_;

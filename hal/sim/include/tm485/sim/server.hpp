@@ -14,7 +14,7 @@
 #include <string>
 
 #include "tm485/sim/encoder_model.hpp"
-#include "tm485/sim/faults.hpp"
+#include "tm485/sim/fault_player.hpp"
 #include "tm485/sim/sim_options.hpp"
 #include "tm485/time.hpp"
 
@@ -33,16 +33,17 @@ struct ServerStatistics {
   std::uint64_t replies = 0;        ///< written, also those with wrong bits
   std::uint64_t bytes_dropped = 0;  ///< not written: the client does not read, or is gone
   std::uint64_t clients = 0;        ///< accepted connections; unix socket only
-  std::uint64_t replies_lost = 0;   ///< by SimOptions::lost_replies
-  std::uint64_t bits_flipped = 0;   ///< by SimOptions::request_bit_errors and reply_bit_errors
+  std::uint64_t replies_lost = 0;   ///< by the fault plan
+  std::uint64_t bits_flipped = 0;   ///< by the fault `bits` of the plan
 };
 
 class EepromFile;
 class Endpoint;
 
-/// One thread owns it. Of `SimOptions` it takes the encoder, the motion, the line's rate and echo, wrong bits and lost
-/// replies; jitter and all other faults belong to the virtual line and are ignored. Destruction removes the link or
-/// socket that it made.
+/// One thread owns it. Of `SimOptions` it takes the encoder, the motion, the line's rate and echo, and the fault plan, if
+/// each of its faults has a meaning without a line (FaultInfo::served; any other is refused by name); jitter, glitches
+/// and swapped wires belong to the virtual line and are ignored. The plan's time begins with the server. Destruction
+/// removes the link or socket that it made.
 class Server {
  public:
   /// A new pseudo-terminal in raw mode. `link_path`, if not empty, becomes a symbolic link to it; an existing
@@ -84,7 +85,8 @@ class Server {
   void handle(const std::uint8_t* bytes, std::size_t count, const std::atomic<bool>& stop);
   [[nodiscard]] std::expected<void, ServerError> save_eeprom(Time now);
   [[nodiscard]] int poll_ms() const;
-  void disturb_request(std::span<std::uint8_t> bytes);
+  [[nodiscard]] std::size_t disturb_request(std::span<const std::uint8_t> sent, Time start,
+                                            std::span<std::uint8_t> heard);
   [[nodiscard]] bool continues_request(Time now) const noexcept;
   void write(const std::uint8_t* bytes, std::size_t count);
   [[nodiscard]] Time now() const;
@@ -94,8 +96,9 @@ class Server {
   std::unique_ptr<EepromFile> eeprom_file_;  // null: none
   std::uint64_t saved_generation_ = 0;
   EncoderModel model_;
-  BitErrors bit_errors_;
-  LostCharacters lost_replies_;
+  FaultPlan plan_;
+  std::uint64_t plan_seed_;
+  std::unique_ptr<FaultPlayer> faults_;  // from serve() on: it points at the model
   Time character_time_;
   bool echo_;
   std::int64_t epoch_ns_;  // of the monotonic clock

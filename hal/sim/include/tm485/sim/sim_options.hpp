@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "tm485/sim/encoder_model.hpp"
+#include "tm485/sim/fault_plan.hpp"
 #include "tm485/sim/line.hpp"
 #include "tm485/sim/motion_profile.hpp"
 #include "tm485/sim/sim_port.hpp"
@@ -24,9 +25,13 @@ struct SimOptions {
   double lost_replies = 0.0;        ///< probability of a reply that does not come, 0..1
   Swap swap = Swap::none;           ///< a pair that is connected the wrong way round
   double glitches = 0.0;            ///< probability of a false start bit before a reply, 0..1
+  FaultPlan faults;                 ///< behind wrong bits and lost replies
   bool power = true;                ///< false: the encoder has no supply
   std::uint64_t seed = 1;           ///< of the faults; `seed=` in the text sets every seed
 };
+
+/// The whole plan of a set-up: its wrong bits and lost replies first, then its plan.
+[[nodiscard]] FaultPlan fault_plan_of(const SimOptions& options);
 
 /// The encoder of a profile name: tm485_17, tm485_23, tformat_17, tformat_23, each also with `_battery`; tm485_17_st
 /// (single-turn). A T-format encoder without a battery reports SF 20 and ALMC C1. The error names what is known.
@@ -50,6 +55,7 @@ struct SimOptions {
 ///   baud=N              bits per second of the encoder, and of the host unless its port was opened at another rate
 ///   ber=P or ber=P:P    probability of a wrong bit, in requests and in replies
 ///   lost=P              probability of a lost reply
+///   plan=FAULTS         a fault plan (FaultPlan::parse), its lines separated by ';'
 ///   glitch=P            probability of a false start bit on the idle line before a reply
 ///   swap=pair|receive   A and B swapped, for both ends or for what the host receives
 ///   power=on|off        off: no supply, so no reply
