@@ -15,8 +15,8 @@ TEST(Usage, VersionAndHelp) {
   const Finished version_text = run({"--version"});
   EXPECT_EQ(version_text.exit_code, 0);
   EXPECT_EQ(version_text.out, std::string("tm485 ") + TM485_VERSION_STRING + "\n");
-  for (const char* command :
-       {"", "decode", "info", "read", "monitor", "bench", "sim", "eeprom", "reset", "list", "profiles"}) {
+  for (const char* command : {"", "decode", "info", "read", "monitor", "bench", "sim", "eeprom", "reset",
+                              "list", "profiles", "campaign"}) {
     Process::Arguments arguments;
     if (*command != '\0') arguments.emplace_back(command);
     arguments.emplace_back("--help");
@@ -53,6 +53,14 @@ TEST(Usage, WhatCannotBeUnderstoodIsExitCode2) {
       {"sim", "--rpm", "fast"},
       {"sim", "--almc", "zz"},
       {"sim", "--profile", "nobody"},
+      {"sim", "--plan", "lose replies=2"},
+      {"sim", "--plan", "talker every=1ms"},
+      {"sim", "--plan", "/nowhere/plan"},
+      {"campaign", "--cycles", "0"},
+      {"campaign", "--seed", "-1"},
+      {"campaign", "--plan", "lose sometimes=1"},
+      {"campaign", "--replay", "1"},
+      {"campaign", "--vcd", "x.vcd"},
   };
   for (const Process::Arguments& arguments : wrong) {
     const Finished finished = run(arguments);

@@ -16,6 +16,7 @@
 #include "tm485/errc.hpp"
 #include "tm485/linux/serial_chips.hpp"
 #include "tm485/protocol/profile.hpp"
+#include "tm485/sim/fault_plan.hpp"
 
 namespace {
 
@@ -265,18 +266,38 @@ void uart_drivers() {
   }
 }
 
+/// A fault's parameters as they are typed, with what they are without being given.
+std::string parameters_of(const sim::FaultInfo& info) {
+  std::string all;
+  for (const sim::FaultParameter& row : info.parameters) {
+    if (row.name.empty()) continue;
+    if (!all.empty()) all += ", ";
+    all += code(row.name) + (row.required ? " (needed)" : "");
+  }
+  return all;
+}
+
+void faults() {
+  head({"fault", "parameters", "p", "server", "what happens"});
+  for (const sim::FaultInfo& info : sim::fault_kinds()) {
+    row({code(info.name), parameters_of(info), info.by_chance ? "p, every" : "", info.served ? "yes" : "",
+         text(info.meaning)});
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::array<std::pair<std::string_view, void (*)()>, 9> kTables{{{"errors", errors},
-                                                                            {"status", status},
-                                                                            {"exchanges", exchanges},
-                                                                            {"timing", timing},
-                                                                            {"presets", presets},
-                                                                            {"alarms", alarms},
-                                                                            {"findings", findings},
-                                                                            {"usb_chips", usb_chips},
-                                                                            {"uart_drivers", uart_drivers}}};
+  constexpr std::array<std::pair<std::string_view, void (*)()>, 10> kTables{{{"errors", errors},
+                                                                             {"status", status},
+                                                                             {"exchanges", exchanges},
+                                                                             {"timing", timing},
+                                                                             {"presets", presets},
+                                                                             {"alarms", alarms},
+                                                                             {"findings", findings},
+                                                                             {"usb_chips", usb_chips},
+                                                                             {"uart_drivers", uart_drivers},
+                                                                             {"faults", faults}}};
   for (const auto& [name, print] : kTables) {
     if (argc == 2 && name == argv[1]) {
       print();

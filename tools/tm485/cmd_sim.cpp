@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "output.hpp"
+#include "plan_text.hpp"
 #include "problem.hpp"
 #include "quantity.hpp"
 #include "stop_signal.hpp"
@@ -44,7 +45,13 @@ std::expected<sim::SimOptions, Problem> encoder_options(const SimCommandOptions&
   if (!parsed)
     return std::unexpected(
         usage_problem("bad_option", parsed.error(), "tm485 sim --help shows what is possible"));
-  return *parsed;
+  sim::SimOptions encoder = *parsed;
+  if (!options.plan.empty()) {
+    auto plan = plan_from(options.plan);
+    if (!plan) return std::unexpected(std::move(plan.error()));
+    encoder.faults = std::move(*plan);
+  }
+  return encoder;
 }
 
 }  // namespace
@@ -67,7 +74,7 @@ int run_sim(const SimCommandOptions& options) {
   const auto served = server->serve(stop_flag());
   const auto& requests = server->model().statistics().requests;
   const sim::ServerStatistics& counted = server->statistics();
-  const bool faults = !options.ber.empty() || !options.lost.empty();
+  const bool faults = !options.ber.empty() || !options.lost.empty() || !options.plan.empty();
   fmt::print(
       stderr, "tm485: {} requests, {} replies{}\n",
       std::accumulate(requests.begin(), requests.end(), std::uint64_t{0}), counted.replies,

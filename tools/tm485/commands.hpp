@@ -83,6 +83,7 @@ struct SimCommandOptions {
   bool echo = false;
   std::string ber;     ///< in the words of sim::parse_sim_options; empty: no wrong bits
   std::string lost;    ///< likewise, of lost replies
+  std::string plan;    ///< of faults, as text or a file; empty: none
   std::string boot;    ///< how long it is silent after its start; empty: not at all
   std::string eeprom;  ///< file that keeps the EEPROM; empty: none
   // Of the EEPROM, in the words of sim::parse_sim_options; empty: its defaults.
@@ -156,6 +157,17 @@ struct ResetOptions {
   bool yes_realign = false;  ///< zero: the motor's electrical alignment may move
 };
 int run_reset(const ResetOptions& options);
+
+struct CampaignCommandOptions {
+  std::optional<std::uint64_t> cycles;
+  std::uint64_t seed = 1;
+  std::string plan;    ///< text or file; empty: random plans
+  unsigned jobs = 0;   ///< 0: one for each processor
+  std::string replay;  ///< SEED:RUN; empty: a campaign
+  std::string vcd;     ///< of a replay; empty: none
+  bool json = false;
+};
+int run_campaign_command(const CampaignCommandOptions& options);
 
 struct ListOptions {
   bool json = false;

@@ -7,6 +7,7 @@
 #include "problem.hpp"
 #include "stop_signal.hpp"
 #include "tm485/version.hpp"
+#include "usage_campaign.hpp"
 #include "usage_eeprom.hpp"
 #include "usage_list.hpp"
 
@@ -26,7 +27,7 @@ constexpr const char* kMmioKeys =
 constexpr const char* kSimKeys =
     "Keys of sim: profile, rpm, accel, cruise, motion, start, turn, seed, enid, sf, almc, t2, latch_offset, "
     "boot, echo,\n"
-    "jitter, margin, release, baud, ber, lost, glitch, swap, power, eeprom_busy; for example "
+    "jitter, margin, release, baud, ber, lost, plan, glitch, swap, power, eeprom_busy; for example "
     "sim:rpm=3000,ber=1e-6,almc=40";
 
 /// Everything that the options of all sub-commands are put into.
@@ -43,6 +44,7 @@ struct Commands {
   EepromOptions eeprom;
   ResetOptions reset;
   ListOptions list;
+  CampaignCommandOptions campaign;
   bool profiles_json = false;
 };
 
@@ -197,6 +199,7 @@ void add_sim(CLI::App& root, Commands& commands) {
   app.add_option("--ber", options.ber,
                  "Probability of a wrong bit, or two: of requests and of replies, 0:1e-4");
   app.add_option("--lost", options.lost, "Probability 0..1 of a reply that does not come");
+  app.add_option("--plan", options.plan, "A fault plan, as text or FILE: 'lose replies=1 from=5s for=20ms'");
   app.add_option("--boot", options.boot, "Silent for this long after the start: 300ms");
   app.add_option(
       "--eeprom", options.eeprom,
@@ -321,6 +324,7 @@ int run(const CLI::App& app, const Commands& commands) {
   if (chosen("eeprom")) return run_eeprom(app, commands.eeprom);
   if (chosen("reset")) return run_reset(commands.reset);
   if (chosen("list")) return run_list(commands.list);
+  if (chosen("campaign")) return run_campaign_command(commands.campaign);
   return run_profiles(commands.profiles_json);
 }
 
@@ -353,6 +357,7 @@ int main(int argc, char** argv) {
   add_eeprom(app, commands.eeprom, add_port_options);
   add_reset(app, commands.reset, add_port_options);
   add_list(app, commands.list);
+  add_campaign(app, commands.campaign);
   CLI::App& profiles = *app.add_subcommand("profiles", "The preset profiles");
   profiles.add_flag("--json", commands.profiles_json, "One JSON object a profile, times in ns");
   profiles.footer("Example:\n  tm485 profiles --json");

@@ -1,0 +1,173 @@
+// The campaign itself: the stack as it is breaks no rule, each broken one is found out, and a failure can be made small and
+// played again.
+#include "campaign/campaign.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "broken_ports.hpp"
+#include "counted_heap.hpp"
+
+namespace tm485::cli::campaign {
+namespace {
+
+using test::TwinPort;
+
+RunResult as_it_is(const RunSetup& setup, RunOptions options) {
+  options.allocations = test::allocations_of_this_thread;
+  return run(setup, options);
+}
+
+template <class Broken>
+RunResult with(const RunSetup& setup, RunOptions options) {
+  options.allocations = test::allocations_of_this_thread;
+  return run(setup, options, [](sim::SimPort& port) { return Broken(port); });
+}
+
+CampaignResult campaign(const Player& play, const char* plan = nullptr, std::uint64_t cycles = 400'000,
+                        std::uint64_t seed = 1, unsigned jobs = 1) {
+  CampaignOptions options;
+  options.cycles = cycles;
+  options.seed = seed;
+  options.jobs = jobs;
+  if (plan != nullptr) options.plan = *sim::FaultPlan::parse(plan);
+  return run_campaign(options, play);
+}
+
+std::string story(const CampaignResult& result) {
+  if (!result.failed) return {};
+  return std::string(name(result.violation.rule)) + ": " + describe(result.violation) + "\nseed " +
+         std::to_string(result.failed->seed) + ", run " + std::to_string(result.failed->run) + ", cycle " +
+         std::to_string(result.violation.cycle) + "\n" + result.failed->text() + "\n" +
+         result.failed->plan.to_text();
+}
+
+TEST(Campaign, TheStackBreaksNoRule) {
+  const CampaignResult result = campaign(as_it_is);
+  EXPECT_FALSE(result.failed.has_value()) << story(result);
+  EXPECT_GE(result.totals.cycles, 390'000u) << "a run whose encoder is off for long has fewer";
+  EXPECT_EQ(result.totals.good + result.totals.failed, result.totals.cycles);
+  EXPECT_GT(result.totals.failed, 100u) << "the faults do something";
+  EXPECT_GT(result.totals.startups, result.totals.runs);
+  EXPECT_GE(result.totals.smallest_t1_margin, Time{0});
+}
+
+TEST(Campaign, AHealthyLineLosesNothing) {
+  const CampaignResult result = campaign(as_it_is, "", 100'000);
+  EXPECT_FALSE(result.failed.has_value()) << story(result);
+  EXPECT_EQ(result.totals.good, result.totals.cycles);
+  EXPECT_EQ(result.totals.touched, 0u);
+}
+
+TEST(Campaign, TheTotalsDoNotDependOnTheJobs) {
+  const Totals one = campaign(as_it_is, nullptr, 200'000, 5, 1).totals;
+  const Totals three = campaign(as_it_is, nullptr, 200'000, 5, 3).totals;
+  EXPECT_EQ(one.cycles, three.cycles);
+  EXPECT_EQ(one.good, three.good);
+  EXPECT_EQ(one.changed, three.changed);
+  EXPECT_EQ(one.startups, three.startups);
+  EXPECT_EQ(one.longest_recovery, three.longest_recovery);
+}
+
+TEST(BrokenStack, WithoutACrcCheck) {
+  const CampaignResult result = campaign(with<test::NoCrcCheck>, "bits replies=1e-4");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::broken_frame) << story(result);
+}
+
+TEST(BrokenStack, WithoutTimeouts) {
+  const CampaignResult result = campaign(with<test::NoTimeout>, "lose replies=1e-3");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::recovery) << story(result);
+}
+
+TEST(BrokenStack, WithALateTimeout) {
+  const CampaignResult result = campaign(with<test::LateTimeout>, "lose replies=1e-3");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::loss) << story(result);
+}
+
+TEST(BrokenStack, WithAShortT1) {
+  const CampaignResult result = campaign([](const RunSetup& setup, const RunOptions& options) {
+    RunSetup shortest = setup;
+    shortest.period = Time{0};
+    return run(shortest, options, AsItIs{}, test::shorten_t1);
+  });
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::t1) << story(result);
+}
+
+TEST(BrokenStack, ThatRepeatsTheLastReply) {
+  const CampaignResult result = campaign(with<test::RepeatsTheLastReply>, "lose replies=1e-3");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::broken_frame) << story(result);
+}
+
+TEST(BrokenStack, WithWrongTimestamps) {
+  const CampaignResult result = campaign(with<test::WrongTimestamps>, "");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::position) << story(result);
+}
+
+TEST(BrokenStack, ThatUsesTheHeap) {
+  const CampaignResult result = campaign(with<test::UsesTheHeap>, "");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::heap) << story(result);
+}
+
+// As it is found: by random plans, not by one that was written for it.
+TEST(BrokenStack, IsFoundByRandomPlansMadeSmallAndPlayedAgain) {
+  const Player play = with<test::NoCrcCheck>;
+  const CampaignResult result = campaign(play, nullptr, 4'000'000);
+  ASSERT_TRUE(result.failed.has_value());
+  const RunSetup again =
+      draw_run(result.failed->seed, result.failed->run, result.failed->cycles, std::nullopt);
+  EXPECT_EQ(again.plan, result.failed->plan);
+  const RunResult replayed = play(again, {});
+  ASSERT_TRUE(replayed.violation.has_value());
+  EXPECT_EQ(replayed.violation->cycle, result.violation.cycle);
+  EXPECT_EQ(replayed.violation->time, result.violation.time);
+
+  const Shrunk least = shrink(*result.failed, result.violation, play, nullptr);
+  EXPECT_EQ(least.violation.rule, result.violation.rule);
+  EXPECT_EQ(least.setup.plan.lines().size(), 1u) << least.setup.plan.to_text();
+  EXPECT_LE(least.setup.cycles, result.violation.cycle + 2);
+  // What was printed is enough: the plan through its text.
+  const auto plan = sim::FaultPlan::parse(least.setup.plan.to_text());
+  ASSERT_TRUE(plan.has_value());
+  RunSetup printed = draw_run(least.setup.seed, least.setup.run, least.setup.cycles, *plan);
+  printed.start_jitter = least.setup.start_jitter;
+  const RunResult minimal = play(printed, {});
+  ASSERT_TRUE(minimal.violation.has_value());
+  EXPECT_EQ(minimal.violation->cycle, least.violation.cycle);
+}
+
+TEST(Recorder, WritesATableAndAWaveform) {
+  RunSetup setup = draw_run(1, 0, 60, *sim::FaultPlan::parse("lose replies=1 cycles=80..81"));
+  setup.id = DataId::everything;
+  Recorder recorder(5);
+  const RunResult result = run(setup, {.recorder = &recorder});
+  EXPECT_FALSE(result.violation.has_value());
+  const std::string table = recorder.table();
+  EXPECT_NE(table.find(" timeout "), std::string::npos) << table;
+  EXPECT_NE(table.find(" held "), std::string::npos);
+  EXPECT_NE(table.find("changed"), std::string::npos);
+
+  const std::string vcd = recorder.vcd();
+  EXPECT_TRUE(vcd.starts_with("$comment"));
+  for (const char* signal : {" line ", " de ", " request ", " reply ", " valid ", " quality ", " position "})
+    EXPECT_NE(vcd.find(signal), std::string::npos) << signal;
+  std::size_t instants = 0;
+  long long last = -1;
+  for (std::size_t at = vcd.find("\n#"); at != std::string::npos; at = vcd.find("\n#", at + 1)) {
+    const long long time = std::stoll(vcd.substr(at + 2));
+    EXPECT_GT(time, last) << "instants rise";
+    last = time;
+    ++instants;
+  }
+  EXPECT_GT(instants, 25u * 12u * 5u);
+}
+
+}  // namespace
+}  // namespace tm485::cli::campaign

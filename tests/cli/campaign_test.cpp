@@ -1,0 +1,89 @@
+// tm485 campaign as it is typed.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "cli/process.hpp"
+
+namespace tm485::test {
+namespace {
+
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+
+class CampaignCommand : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "tm485-campaign-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+TEST_F(CampaignCommand, SaysWhatItHasSeen) {
+  const Finished text = run({"campaign", "--cycles", "100000", "--jobs", "1"});
+  EXPECT_EQ(text.exit_code, 0) << text.out << text.err;
+  EXPECT_NE(text.out.find("no rule is broken"), std::string::npos);
+  const Finished once = run({"campaign", "--cycles", "100000", "--jobs", "2", "--json"});
+  const Finished again = run({"campaign", "--cycles", "100000", "--jobs", "1", "--json"});
+  ASSERT_EQ(once.exit_code, 0) << once.err;
+  Json first = Json::parse(once.out);
+  Json second = Json::parse(again.out);
+  EXPECT_EQ(first.at("cycles").get<int>(), first.at("good").get<int>() + first.at("failed").get<int>());
+  for (const char* machine : {"seconds", "processor_seconds", "jobs"}) {
+    first.erase(machine);
+    second.erase(machine);
+  }
+  EXPECT_EQ(first, second);
+}
+
+TEST_F(CampaignCommand, TakesAPlanAsTextOrFile) {
+  const fs::path file = folder_ / "plan";
+  std::ofstream(file) << "# the cable\nlose replies=1 cycles=100..110\n";
+  for (const std::string& plan : {std::string("lose replies=1 cycles=100..110"), file.string()}) {
+    const Finished finished = run({"campaign", "--cycles", "20000", "--plan", plan, "--json"});
+    ASSERT_EQ(finished.exit_code, 0) << finished.err << finished.out;
+    EXPECT_EQ(Json::parse(finished.out).at("touched"), 11);
+  }
+  std::ofstream(file) << "lose replies=1\nloose replies=1\n";
+  const Finished refused = run({"campaign", "--plan", file.string()});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("plan_unknown_fault"), std::string::npos);
+  EXPECT_NE(refused.err.find("line 2"), std::string::npos);
+}
+
+TEST_F(CampaignCommand, PlaysARunAgainWithATraceAndAWaveform) {
+  const fs::path wave = folder_ / "run.vcd";
+  const Process::Arguments arguments{"campaign", "--replay", "3:5",        "--cycles",
+                                     "1000",     "--vcd",    wave.string()};
+  const Finished finished = run(arguments);
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  EXPECT_NE(finished.out.find("run 5 of seed 3"), std::string::npos);
+  EXPECT_NE(finished.out.find("start-up"), std::string::npos) << finished.out;
+  std::ifstream file(wave);
+  const std::string vcd{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_TRUE(vcd.starts_with("$comment tm485"));
+  EXPECT_EQ(run(arguments).exit_code, 2) << "the file is there already";
+}
+
+TEST_F(CampaignCommand, CtrlCEndsItInOrder) {
+  Process process({"campaign", "--cycles", "100000000000", "--jobs", "1", "--json"});
+  // Its handlers are installed before it does anything; a moment later it is in its cycles.
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  process.send_signal(SIGINT);
+  const Finished finished = process.wait();
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  EXPECT_TRUE(Json::parse(finished.out).at("stopped"));
+}
+
+}  // namespace
+}  // namespace tm485::test

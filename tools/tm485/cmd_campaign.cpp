@@ -1,0 +1,293 @@
+// tm485 campaign: the whole stack in virtual time against the encoder model, with random faults, every cycle judged.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <thread>
+
+#include "campaign/campaign.hpp"
+#include "campaign/recorder.hpp"
+#include "commands.hpp"
+#include "json_output.hpp"
+#include "output.hpp"
+#include "plan_text.hpp"
+#include "problem.hpp"
+#include "quantity.hpp"
+#include "safe_file.hpp"
+#include "screen.hpp"
+#include "stop_signal.hpp"
+#include "tm485/linux/clock.hpp"
+
+namespace tm485::cli {
+namespace {
+
+using namespace campaign;
+
+constexpr std::uint64_t kCyclesShown = 20;  ///< of a trace, before the failing one
+constexpr unsigned kMostJobs = 256;
+
+RunResult play(const RunSetup& setup, const RunOptions& options) { return run(setup, options); }
+
+/// "SEED:RUN"
+std::optional<std::pair<std::uint64_t, std::uint64_t>> read_replay(std::string_view text) {
+  const std::size_t colon = text.find(':');
+  if (colon == std::string_view::npos) return std::nullopt;
+  const auto number = [](std::string_view part) -> std::optional<std::uint64_t> {
+    std::uint64_t value = 0;
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
+    if (error != std::errc{} || end != part.data() + part.size()) return std::nullopt;
+    return value;
+  };
+  const auto seed = number(text.substr(0, colon));
+  const auto run = number(text.substr(colon + 1));
+  if (!seed || !run) return std::nullopt;
+  return std::pair(*seed, *run);
+}
+
+double in_us(Time time) { return static_cast<double>(time.count()) * 1e-3; }
+
+JsonObject json_of(const Totals& totals) {
+  JsonObject json;
+  json.set("runs", totals.runs)
+      .set("cycles", totals.cycles)
+      .set("good", totals.good)
+      .set("failed", totals.failed)
+      .set("touched", totals.touched)
+      .set("changed", totals.changed)
+      .set("changed_and_fresh", totals.changed_and_fresh)
+      .set("wrong", totals.wrong)
+      .set("dangerous", totals.dangerous)
+      .set("frozen_and_wrong", totals.frozen_and_wrong)
+      .set("startups", totals.startups)
+      .set("restarts", totals.restarts)
+      .set("lost_turns", totals.lost_turns)
+      .set("longest_fresh_age_ns", totals.longest_loss.count())
+      .set("longest_recovery_cycles", static_cast<double>(totals.longest_recovery) * 0.01)
+      .set("longest_step_cycles", static_cast<double>(totals.longest_step) * 0.01)
+      .set("longest_startup_ns", totals.longest_startup.count());
+  if (totals.smallest_t1_margin != kNever)
+    json.set("smallest_t1_margin_ns", totals.smallest_t1_margin.count());
+  return json;
+}
+
+JsonObject json_of(const RunSetup& setup, const Violation& violation) {
+  JsonObject json;
+  json.set("rule", name(violation.rule))
+      .set("what", campaign::describe(violation))
+      .set("seed", setup.seed)
+      .set("run", setup.run)
+      .set("cycle", violation.cycle)
+      .set("time_ns", violation.time.count())
+      .set("setup", setup.text())
+      .set("plan", setup.plan.to_text());
+  return json;
+}
+
+/// The command that does the same run again.
+std::string replay_command(const RunSetup& setup) {
+  std::string plan;
+  for (const sim::FaultLine& line : setup.plan.lines())
+    plan += (plan.empty() ? "" : "; ") + sim::FaultPlan::to_text(line);
+  return fmt::format("tm485 campaign --replay {}:{} --cycles {} --plan '{}'", setup.seed, setup.run,
+                     setup.cycles, plan);
+}
+
+/// How long a campaign took: by the clock, and of processors.
+struct Duration {
+  double clock = 0.0;
+  double processor = 0.0;
+};
+
+double millions_a_second(const Totals& totals, double seconds) {
+  return seconds > 0.0 ? static_cast<double>(totals.cycles) / seconds * 1e-6 : 0.0;
+}
+
+double processor_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+void show(Output& output, const Totals& totals, const Duration& took) {
+  const auto row = [&](std::string_view what, const std::string& value) {
+    output.write(fmt::format("  {:<58} {:>16}\n", what, value));
+  };
+  row("cycles", fmt::format("{}", totals.cycles));
+  row("runs, start-ups, restarts of the encoder",
+      fmt::format("{}, {}, {}", totals.runs, totals.startups, totals.restarts));
+  row("good and failed cycles", fmt::format("{}, {}", totals.good, totals.failed));
+  row("cycles with a fault, with changed bits", fmt::format("{}, {}", totals.touched, totals.changed));
+  row("changed frames that became fresh samples", fmt::format("{}", totals.changed_and_fresh));
+  row("  of them wrong, by more than 0.18 degrees", fmt::format("{}, {}", totals.wrong, totals.dangerous));
+  row("fresh samples of a frozen sensor that were wrong", fmt::format("{}", totals.frozen_and_wrong));
+  if (totals.lost_turns != 0) row("  and, later, whole turns off", fmt::format("{}", totals.lost_turns));
+  row("oldest sample that was called fresh", fmt::format("{:.1f} us", in_us(totals.longest_loss)));
+  row("longest until fresh again, without a start-up",
+      fmt::format("{:.2f} cycles", static_cast<double>(totals.longest_recovery) * 0.01));
+  row("  the same if the last fresh sample was wrong",
+      fmt::format("{:.2f} cycles", static_cast<double>(totals.longest_step) * 0.01));
+  row("longest until fresh again, through a start-up",
+      fmt::format("{:.1f} us", in_us(totals.longest_startup)));
+  if (totals.smallest_t1_margin != kNever)
+    row("smallest T1 beyond the minimum", fmt::format("{} ns", totals.smallest_t1_margin.count()));
+  row("speed, by the clock; of one processor's time",
+      fmt::format("{:.2f}; {:.2f} million cycles/s", millions_a_second(totals, took.clock),
+                  millions_a_second(totals, took.processor)));
+}
+
+/// One line on a terminal's standard error, drawn again in its place.
+class Progress {
+ public:
+  explicit Progress(std::uint64_t total) : total_(total), terminal_(::isatty(STDERR_FILENO) == 1) {}
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  ~Progress() {
+    if (drawn_) fmt::print(stderr, "\r\x1b[2K");
+  }
+  void show(std::uint64_t done) {
+    constexpr Time kRedraw = std::chrono::milliseconds(200);
+    const Time now = clock_.now();
+    if (!terminal_ || now - last_ < kRedraw || done == 0) return;
+    last_ = now;
+    drawn_ = true;
+    const double fraction = static_cast<double>(done) / static_cast<double>(total_);
+    const double left = std::chrono::duration<double>(now - begun_).count() * (1.0 - fraction) / fraction;
+    fmt::print(stderr, "\r\x1b[2K[{}] {:.1f} of {:.1f} million cycles, {:.0f} s left", gauge(fraction, 30),
+               static_cast<double>(done) * 1e-6, static_cast<double>(total_) * 1e-6, std::max(left, 0.0));
+    std::fflush(stderr);
+  }
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(clock_.now() - begun_).count();
+  }
+
+ private:
+  linux_hal::MonotonicClock clock_;
+  Time begun_ = clock_.now();
+  Time last_ = -kNever;
+  std::uint64_t total_;
+  bool terminal_;
+  bool drawn_ = false;
+};
+
+int replay(const CampaignCommandOptions& options, const RunSetup& setup) {
+  RunResult first = play(setup, {.stop = &stop_flag()});
+  if (first.stopped) return kExitFailure;
+  const std::uint64_t around = first.violation ? first.violation->cycle : 0;
+  Recorder recorder(around > kCyclesShown ? around - kCyclesShown : 0);
+  const RunSetup shown = [&] {
+    RunSetup part = setup;  // without a failure the first cycles tell what the run is like
+    if (!first.violation) part.cycles = std::min(part.cycles, 2 * kCyclesShown);
+    return part;
+  }();
+  (void)play(shown, {.stop = &stop_flag(), .recorder = &recorder});
+  if (!options.vcd.empty()) {
+    if (const auto written = create_file(options.vcd, recorder.vcd()); !written)
+      return report(written.error());
+  }
+  Output output;
+  if (options.json) {
+    JsonObject json;
+    json.set("seed", setup.seed)
+        .set("run", setup.run)
+        .set("setup", setup.text())
+        .set("plan", setup.plan.to_text());
+    json.set("totals", json_of(first.totals));
+    if (first.violation) json.set("failure", json_of(setup, *first.violation));
+    output.write(json.text() + "\n");
+  } else {
+    output.write(fmt::format("run {} of seed {}: {}\n{}\n", setup.run, setup.seed, setup.text(),
+                             setup.plan.to_text()));
+    output.write(recorder.table());
+    output.write(first.violation ? fmt::format("\n{}: cycle {}, {}: {}\n", name(first.violation->rule),
+                                               first.violation->cycle, format_time(first.violation->time),
+                                               campaign::describe(*first.violation))
+                                 : fmt::format("\nno rule is broken in {} cycles\n", first.totals.cycles));
+    if (!options.vcd.empty()) output.write(fmt::format("waveform: {}\n", options.vcd));
+  }
+  return finish(output, first.violation ? kExitFailure : kExitGood);
+}
+
+int failed(const CampaignCommandOptions& options, Output& output, const CampaignResult& result) {
+  const Shrunk least = shrink(*result.failed, result.violation, play, &stop_flag());
+  if (options.json) {
+    JsonObject json;
+    json.set("totals", json_of(result.totals))
+        .set("failure", json_of(*result.failed, result.violation))
+        .set("minimal", json_of(least.setup, least.violation))
+        .set("replay", fmt::format("tm485 campaign --replay {}:{}", result.failed->seed, result.failed->run))
+        .set("replay_minimal", replay_command(least.setup));
+    output.write(json.text() + "\n");
+    return finish(output, kExitFailure);
+  }
+  output.write(fmt::format("FAILED: {}: {}\n  seed {}, run {}, cycle {}, at {}\n  {}\n",
+                           name(result.violation.rule), campaign::describe(result.violation),
+                           result.failed->seed, result.failed->run, result.violation.cycle,
+                           format_time(result.violation.time), result.failed->text()));
+  output.write(fmt::format("plan:\n{}", result.failed->plan.to_text()));
+  output.write(fmt::format("\nfails as well ({} runs tried), at cycle {}, with the plan:\n{}", least.tries,
+                           least.violation.cycle,
+                           least.setup.plan.empty() ? "(no fault)\n" : least.setup.plan.to_text()));
+  output.write(fmt::format("\nagain, with a trace:\n  tm485 campaign --replay {}:{} --cycles {}\n  {}\n",
+                           result.failed->seed, result.failed->run, result.failed->cycles,
+                           replay_command(least.setup)));
+  return finish(output, kExitFailure);
+}
+
+}  // namespace
+
+int run_campaign_command(const CampaignCommandOptions& options) {
+  std::optional<sim::FaultPlan> plan;
+  if (!options.plan.empty()) {
+    auto read = plan_from(options.plan);
+    if (!read) return report(read.error());
+    plan = std::move(*read);
+  }
+  if (!options.replay.empty()) {
+    const auto place = read_replay(options.replay);
+    if (!place)
+      return report(usage_problem("bad_replay",
+                                  fmt::format("--replay {}: this is no seed and run", options.replay),
+                                  "write two whole numbers, as the failure printed them: 1:42"));
+    return replay(options, draw_run(place->first, place->second, options.cycles.value_or(0), plan));
+  }
+  if (!options.vcd.empty())
+    return report(usage_problem("bad_option", "--vcd draws one run", "add --replay SEED:RUN"));
+
+  CampaignOptions settings;
+  settings.cycles = options.cycles.value_or(settings.cycles);
+  settings.seed = options.seed;
+  settings.jobs =
+      std::clamp(options.jobs != 0 ? options.jobs : std::thread::hardware_concurrency(), 1U, kMostJobs);
+  settings.plan = plan;
+  settings.stop = &stop_flag();
+  Duration took;
+  const double processor_before = processor_seconds();
+  CampaignResult result;
+  {
+    Progress progress(settings.cycles);
+    settings.progress = [&](std::uint64_t done) { progress.show(done); };
+    result = run_campaign(settings, play);
+    took = {.clock = progress.seconds(), .processor = processor_seconds() - processor_before};
+  }
+  Output output;
+  if (result.failed) return failed(options, output, result);
+  if (options.json) {
+    JsonObject json = json_of(result.totals);
+    json.set("seed", options.seed)
+        .set("jobs", settings.jobs)
+        .set("seconds", took.clock)
+        .set("processor_seconds", took.processor)
+        .set("stopped", result.stopped);
+    output.write(json.text() + "\n");
+  } else {
+    output.write(fmt::format("{}, seed {}, {} job{}\n",
+                             result.stopped ? "stopped; until then no rule was broken" : "no rule is broken",
+                             options.seed, settings.jobs, settings.jobs == 1 ? "" : "s"));
+    show(output, result.totals, took);
+  }
+  return finish(output, kExitGood);
+}
+
+}  // namespace tm485::cli

@@ -1,0 +1,35 @@
+#include "usage_campaign.hpp"
+
+namespace tm485::cli {
+
+void add_campaign(CLI::App& root, CampaignCommandOptions& options) {
+  CLI::App& app = *root.add_subcommand(
+      "campaign",
+      "The whole stack in virtual time against the encoder model, with random faults, every cycle judged");
+  app.add_option("--cycles", options.cycles, "How many in all (1000000); with --replay: of the one run")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--seed", options.seed, "The same seed does the same again")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--plan", options.plan, "A fault plan, as text or FILE, instead of random ones");
+  app.add_option("--jobs", options.jobs, "Threads; default: one for each processor")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--replay", options.replay, "SEED:RUN of a failure: this run again, with a trace");
+  app.add_option("--vcd", options.vcd, "With --replay: a new FILE for the waveform around the failing cycle");
+  app.add_flag("--json", options.json, "One JSON object");
+  app.footer(
+      "Each run has an encoder, a cycle, a movement and a fault plan of its own, drawn from the seed. Judged "
+      "on every "
+      "cycle:\n"
+      "positions, T1, staleness, detection of loss, recovery, statistics. A failure prints the rule, seed, "
+      "run and "
+      "cycle, and\n"
+      "a plan that is as small as possible. Exit code 1 if a rule was broken. docs/fault-plans.md has the "
+      "faults.\n"
+      "Examples:\n"
+      "  tm485 campaign --cycles 100000000\n"
+      "  tm485 campaign --plan 'bits replies=1e-4; restart at=100ms' --seed 7\n"
+      "  tm485 campaign --replay 1:42 --vcd failure.vcd");
+}
+
+}  // namespace tm485::cli
