@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <numeric>
+#include <string_view>
 
 #include "commands.hpp"
 #include "output.hpp"
@@ -49,6 +50,10 @@ std::expected<sim::SimOptions, Problem> encoder_options(const SimCommandOptions&
   if (!options.plan.empty()) {
     auto plan = plan_from(options.plan);
     if (!plan) return std::unexpected(std::move(plan.error()));
+    if (const std::string_view name = plan->not_served(); !name.empty())
+      return std::unexpected(
+          usage_problem("plan_not_served", fmt::format("the fault '{}' has no meaning for a server", name),
+                        "leave it out, or use the simulated port in virtual time: sim:plan=..."));
     encoder.faults = std::move(*plan);
   }
   return encoder;
