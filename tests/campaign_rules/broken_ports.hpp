@@ -9,6 +9,7 @@
 #include <expected>
 #include <span>
 
+#include "tm485/bus/eeprom.hpp"
 #include "tm485/bus/port.hpp"
 #include "tm485/protocol/profile.hpp"
 #include "tm485/sim/sim_port.hpp"
@@ -45,6 +46,26 @@ class NoCrcCheck : public TwinPort {
     buffer[reception.count - 1] = sum;
     return reception;
   }
+};
+
+/// The stack without its check of CF: what has the right length gets the CF that was asked for, and the CRC follows.
+class NoCfCheck : public TwinPort {
+ public:
+  using TwinPort::TwinPort;
+  [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
+    asked_ = request[0];
+    return good_->try_send(request, now);
+  }
+  [[nodiscard]] Reception try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
+    const Reception reception = good_->try_receive(buffer, now);
+    if (reception.count != 11 && reception.count != 6) return reception;
+    buffer[reception.count - 1] = static_cast<std::uint8_t>(buffer[reception.count - 1] ^ buffer[0] ^ asked_);
+    buffer[0] = asked_;
+    return reception;
+  }
+
+ private:
+  std::uint8_t asked_ = 0;
 };
 
 /// Waits ten cycles for a reply that does not come: the port claims to hand bytes over that late.
@@ -133,6 +154,11 @@ class UsesTheHeap : public TwinPort {
 
  private:
   char* kept_ = nullptr;
+};
+
+/// Selects a page and goes on as if it stayed selected: after a restart of the encoder it is another one.
+struct NeverLooksAtThePage : EepromDiscipline {
+  static constexpr bool kChecksPage = false;
 };
 
 /// T1 too short by an eighth. Half of it is no profile: an exchange would not fit.

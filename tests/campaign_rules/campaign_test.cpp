@@ -22,7 +22,7 @@ RunResult as_it_is(const RunSetup& setup, RunOptions options) {
 template <class Broken>
 RunResult with(const RunSetup& setup, RunOptions options) {
   options.allocations = test::allocations_of_this_thread;
-  return run(setup, options, [](sim::SimPort& port) { return Broken(port); });
+  return run<EepromDiscipline>(setup, options, [](sim::SimPort& port) { return Broken(port); });
 }
 
 CampaignResult campaign(const Player& play, const char* plan = nullptr, std::uint64_t cycles = 400'000,
@@ -51,6 +51,7 @@ TEST(Campaign, TheStackBreaksNoRule) {
   EXPECT_GT(result.totals.failed, 100u) << "the faults do something";
   EXPECT_GT(result.totals.startups, result.totals.runs);
   EXPECT_GE(result.totals.smallest_t1_margin, Time{0});
+  EXPECT_GT(result.totals.eeprom_judged, 50u);
 }
 
 TEST(Campaign, AHealthyLineLosesNothing) {
@@ -76,6 +77,22 @@ TEST(BrokenStack, WithoutACrcCheck) {
   EXPECT_EQ(result.violation.rule, Rule::broken_frame) << story(result);
 }
 
+TEST(BrokenStack, WithoutACheckOfCf) {
+  const CampaignResult result = campaign(with<test::NoCfCheck>, "wrong-cf p=1e-3");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::broken_frame) << story(result);
+}
+
+TEST(BrokenStack, WithoutSelectingThePageAgain) {
+  const Player play = [](const RunSetup& setup, const RunOptions& options) {
+    return run<test::NeverLooksAtThePage>(setup, options);
+  };
+  const CampaignResult result = campaign(play, "restart at=100ms every=200ms");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::eeprom) << story(result);
+  EXPECT_FALSE(campaign(as_it_is, "restart at=100ms every=200ms").failed.has_value());
+}
+
 TEST(BrokenStack, WithoutTimeouts) {
   const CampaignResult result = campaign(with<test::NoTimeout>, "lose replies=1e-3");
   ASSERT_TRUE(result.failed.has_value());
@@ -92,7 +109,7 @@ TEST(BrokenStack, WithAShortT1) {
   const CampaignResult result = campaign([](const RunSetup& setup, const RunOptions& options) {
     RunSetup shortest = setup;
     shortest.period = Time{0};
-    return run(shortest, options, AsItIs{}, test::shorten_t1);
+    return run<EepromDiscipline>(shortest, options, AsItIs{}, test::shorten_t1);
   });
   ASSERT_TRUE(result.failed.has_value());
   EXPECT_EQ(result.violation.rule, Rule::t1) << story(result);
@@ -136,8 +153,7 @@ TEST(BrokenStack, IsFoundByRandomPlansMadeSmallAndPlayedAgain) {
   // What was printed is enough: the plan through its text.
   const auto plan = sim::FaultPlan::parse(least.setup.plan.to_text());
   ASSERT_TRUE(plan.has_value());
-  RunSetup printed = draw_run(least.setup.seed, least.setup.run, least.setup.cycles, *plan);
-  printed.start_jitter = least.setup.start_jitter;
+  const RunSetup printed = draw_run(least.setup.seed, least.setup.run, least.setup.cycles, *plan);
   const RunResult minimal = play(printed, {});
   ASSERT_TRUE(minimal.violation.has_value());
   EXPECT_EQ(minimal.violation->cycle, least.violation.cycle);

@@ -64,9 +64,12 @@ JsonObject json_of(const Totals& totals) {
       .set("wrong", totals.wrong)
       .set("dangerous", totals.dangerous)
       .set("frozen_and_wrong", totals.frozen_and_wrong)
+      .set("beyond_half_width", totals.beyond)
       .set("startups", totals.startups)
       .set("restarts", totals.restarts)
       .set("lost_turns", totals.lost_turns)
+      .set("eeprom_reads", totals.eeprom_reads)
+      .set("eeprom_reads_judged", totals.eeprom_judged)
       .set("longest_fresh_age_ns", totals.longest_loss.count())
       .set("longest_recovery_cycles", static_cast<double>(totals.longest_recovery) * 0.01)
       .set("longest_step_cycles", static_cast<double>(totals.longest_step) * 0.01)
@@ -122,7 +125,12 @@ void show(Output& output, const Totals& totals, const Duration& took) {
   row("changed frames that became fresh samples", fmt::format("{}", totals.changed_and_fresh));
   row("  of them wrong, by more than 0.18 degrees", fmt::format("{}, {}", totals.wrong, totals.dangerous));
   row("fresh samples of a frozen sensor that were wrong", fmt::format("{}", totals.frozen_and_wrong));
-  if (totals.lost_turns != 0) row("  and, later, whole turns off", fmt::format("{}", totals.lost_turns));
+  if (kStatesHalfWidth<Sample>)
+    row("  beyond the half-width: frozen, or wrong again and again", fmt::format("{}", totals.beyond));
+  if (totals.lost_turns != 0)
+    row("whole turns off, read without turns", fmt::format("{}", totals.lost_turns));
+  row("EEPROM reads between the cycles, of them judged",
+      fmt::format("{}, {}", totals.eeprom_reads, totals.eeprom_judged));
   row("oldest sample that was called fresh", fmt::format("{:.1f} us", in_us(totals.longest_loss)));
   row("longest until fresh again, without a start-up",
       fmt::format("{:.2f} cycles", static_cast<double>(totals.longest_recovery) * 0.01));

@@ -170,6 +170,7 @@ void FaultPlayer::find_next_own() noexcept {
 void FaultPlayer::touch(Time until, bool bits_changed) noexcept {
   effects_.touched = true;
   effects_.bits_changed = effects_.bits_changed || bits_changed;
+  if (bits_changed) effects_.last_change = std::max(effects_.last_change, until);
   if (until <= effects_.last) return;
   effects_.last = until;
   effects_.restarted = until <= restarted_until_;

@@ -95,12 +95,6 @@ class Shrinker {
     }
   }
 
-  void simplify() {
-    RunSetup simpler = best_->setup;
-    simpler.start_jitter = Time{0};
-    if (simpler.start_jitter != best_->setup.start_jitter) (void)keep_if_fails(std::move(simpler));
-  }
-
  private:
   static sim::FaultPlan without(const sim::FaultPlan& plan, std::size_t place) {
     sim::FaultPlan rest;
@@ -163,7 +157,6 @@ Shrunk shrink(const RunSetup& failed, const Violation& violation, const Player& 
     shrinker.shorten();
     shrinker.drop_lines();
     shrinker.narrow();
-    shrinker.simplify();
     if (last.plan == best.setup.plan && last.cycles == best.setup.cycles) break;
   } while (best.tries != before && best.tries < most_tries);
   return best;
@@ -193,6 +186,10 @@ std::string describe(const Violation& violation) {
       return fmt::format("T1 was undercut by {}", time(-violation.seen));
     case Rule::statistics:
       return fmt::format("the bus counts {}, seen were {}", violation.seen, violation.allowed);
+    case Rule::eeprom:
+      return violation.seen < 0
+                 ? "an EEPROM task failed on a line without a fault"
+                 : fmt::format("{} bytes were read that the EEPROM does not hold", violation.seen);
     case Rule::heap:
       return fmt::format("{} allocations in the cycles", violation.seen);
     case Rule::refused:

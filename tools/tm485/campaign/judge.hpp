@@ -37,15 +37,23 @@ enum class Rule : std::uint8_t {
   recovery,          ///< fresh again within the bounds after the last effect of a fault
   t1,                ///< T1 holds by the model's count
   statistics,        ///< what the bus counts is what was seen
+  eeprom,            ///< what a background task has read is what the EEPROM holds
   heap,              ///< nothing is allocated in the cycles
   refused,           ///< the cycle can be started at all
 };
 [[nodiscard]] constexpr std::string_view name(Rule rule) noexcept {
-  constexpr std::array<std::string_view, 10> kNames{"position", "broken_frame", "stale", "failed_and_fresh",
-                                                    "loss",     "recovery",     "t1",    "statistics",
-                                                    "heap",     "refused"};
+  constexpr std::array<std::string_view, 11> kNames{"position", "broken_frame", "stale",  "failed_and_fresh",
+                                                    "loss",     "recovery",     "t1",     "statistics",
+                                                    "eeprom",   "heap",         "refused"};
   return kNames[static_cast<std::size_t>(rule)];
 }
+
+/// A background task that is over.
+struct EepromOutcome {
+  Time begun{0};
+  Errc result = Errc::ok;
+  std::int64_t different = 0;  ///< bytes that are not those of the EEPROM
+};
 
 struct Violation {
   Rule rule = Rule::position;
@@ -69,8 +77,13 @@ struct Totals {
   std::uint64_t wrong = 0;              ///< of these: a wrong position
   std::uint64_t dangerous = 0;          ///< of these: by more than 0.18 degrees
   std::uint64_t frozen_and_wrong = 0;   ///< fresh, but the sensor stood still
-  /// Fresh, whole turns off, after a sensor that stood still for half a turn: only where samples state no half-width.
+  /// Beyond the half-width stated, where nothing can be told: see Judge::on_position().
+  std::uint64_t beyond = 0;
+  /// Fresh, whole turns off: read without turns (ID0), after a step of which no host can tell the direction, or after a
+  /// sensor that stood still for half a turn.
   std::uint64_t lost_turns = 0;
+  std::uint64_t eeprom_reads = 0;     ///< background tasks
+  std::uint64_t eeprom_judged = 0;    ///< of them those of whose exchanges no bit was changed
   Time longest_loss{0};               ///< the oldest sample that was called fresh
   std::int64_t longest_recovery = 0;  ///< in hundredths of a cycle, without a start-up
   std::int64_t longest_step =
@@ -95,6 +108,35 @@ template <class S>
   }
 }
 
+/// How often a sample says that the shaft was found where it cannot have come to.
+template <class S>
+[[nodiscard]] std::uint32_t discontinuities_of(const S& sample) noexcept {
+  if constexpr (kStatesHalfWidth<S>) {
+    return sample.discontinuities();
+  } else {
+    return 0;
+  }
+}
+
+/// In rpm/s; 0 where an axis has none.
+template <class A>
+[[nodiscard]] double greatest_acceleration(const A& axis) noexcept {
+  if constexpr (requires { axis.max_acceleration_rpm_s; }) {
+    return axis.max_acceleration_rpm_s;
+  } else {
+    return 0.0;
+  }
+}
+/// A reading that was held back.
+template <class E>
+[[nodiscard]] bool is_implausible(E result) noexcept {
+  if constexpr (requires { E::position_implausible; }) {
+    return result == E::position_implausible;
+  } else {
+    return false;
+  }
+}
+
 class Judge {
  public:
   Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const CompiledProfile& profile,
@@ -109,6 +151,7 @@ class Judge {
         startup_bound_(cycle_time * kCyclesAfterStartup + kAskInterval + kLongestExchange),
         turn_(std::int64_t{1} << profile.profile().single_turn_bits),
         uncertain_(uncertainty(profile)),
+        stopping_(stopping(profile)),
         clear_since_(encoder.model().config().boot_time) {}
 
   /// After each poll of a bus. False: a rule is broken, see violation().
@@ -119,6 +162,9 @@ class Judge {
   }
   /// At the end of a run: do the bus's own counters say what was seen?
   [[nodiscard]] bool at_end(const Statistics& statistics, Time now) noexcept;
+
+  /// A background task has ended.
+  [[nodiscard]] bool on_eeprom(const EepromOutcome& outcome, Time now) noexcept;
 
   [[nodiscard]] const Violation& violation() const noexcept { return violation_; }
   [[nodiscard]] const Totals& totals() const noexcept { return totals_; }
@@ -138,14 +184,27 @@ class Judge {
     return static_cast<std::int64_t>(counts) + 1;
   }
 
+  /// The greatest acceleration of AxisConfig in counts per ns^2.
+  [[nodiscard]] static double stopping(const CompiledProfile& profile) noexcept {
+    const double turns = greatest_acceleration(AxisConfig{}) / 60.0 * 1e-18;
+    return turns * static_cast<double>(std::int64_t{1} << profile.profile().single_turn_bits);
+  }
+
   template <class B>
   [[nodiscard]] bool on_record(B& bus, Time now) noexcept {
     if (bus.record_count() != ++records_) return fail(Rule::statistics, now, bus.record_count(), records_);
     const CycleRecord& record = bus.last_record();
     if (record.result != Errc::ok) ++errors_[static_cast<std::size_t>(record.result)];
-    if (record.kind != CycleRecord::Kind::cyclic) return true;
-    ++totals_.cycles;
     const sim::FaultEffects& effects = encoder_->faults().effects();
+    const bool changed = effects.bits_changed;
+    if ((changed || effects.frozen) && is_implausible(record.result)) [[unlikely]]
+      ++wrong_in_a_row_;
+    if (record.kind != CycleRecord::Kind::cyclic) {
+      if (record.kind == CycleRecord::Kind::startup && record.result == Errc::ok)
+        wrong_in_a_row_ = changed ? wrong_in_a_row_ + 1 : 0;
+      return true;
+    }
+    ++totals_.cycles;
     totals_.touched += effects.touched ? 1 : 0;
     totals_.changed += effects.bits_changed ? 1 : 0;
     const Sample& sample = bus.latest();
@@ -162,14 +221,23 @@ class Judge {
     if (sample.latch_time() < record.start || sample.latch_time() > now)
       return fail(Rule::stale, now, (sample.latch_time() - record.start).count(),
                   (now - record.start).count());
+    const Time before = fresh_latch_;
     note_recovery(sample.latch_time());
     const sim::Latch& latch = encoder_->model().last_latch();
     const sim::FaultEffects& effects = encoder_->faults().effects();
     stepped_ = effects.frozen;
     was_frozen_ = was_frozen_ || effects.frozen;
+    if (effects.frozen) [[unlikely]] {
+      on_frozen(sample, before);
+    } else {
+      frozen_samples_ = 0;
+      steps_before_ = discontinuities_of(sample);
+    }
     if (!effects.bits_changed && !effects.frozen) [[likely]] {
-      if (sample.position() == latch.counts && sample.latch_time() == latch.time) [[likely]]
+      if (sample.position() == latch.counts && sample.latch_time() == latch.time) [[likely]] {
+        wrong_in_a_row_ = 0;
         return true;
+      }
     } else if (effects.bits_changed) {
       ++totals_.changed_and_fresh;
       if (frame_is_broken())
@@ -178,6 +246,7 @@ class Judge {
     return on_position(sample, effects, now);
   }
 
+  void on_frozen(const Sample& sample, Time before) noexcept;
   [[nodiscard]] bool on_position(const Sample& sample, const sim::FaultEffects& effects, Time now) noexcept;
   [[nodiscard]] bool frame_is_broken() const noexcept;
 
@@ -208,7 +277,12 @@ class Judge {
     }
     shown_fresh_ = bus.latest().quality() == Quality::fresh;
     shown_latch_ = bus.latest().latch_time();
-    if (bus.state() == BusState::startup) through_startup_ = true;
+    if (bus.state() == BusState::startup) [[unlikely]] {
+      through_startup_ = true;
+      could_stand_ = true;  // nothing is known of its speed
+      frozen_samples_ = 1;
+      steps_at_startup_ = discontinuities_of(bus.latest());
+    }
     const Time since = now - std::max({encoder_->faults().effects().last, fresh_latch_, clear_since_});
     const Time bound = stepped_ ? step_bound_ : through_startup_ ? startup_bound_ : recovery_bound_;
     return since <= bound || fail(Rule::recovery, now, since.count(), bound.count());
@@ -224,13 +298,19 @@ class Judge {
   Time startup_bound_;
   std::int64_t turn_;
   std::int64_t uncertain_;
+  double stopping_;
   Time clear_since_;
   Time fresh_latch_{0};
   bool through_startup_ = true;
   bool shown_fresh_ = false;
   Time shown_latch_{0};
   bool was_frozen_ = false;
-  bool stepped_ = false;  // the last fresh sample was wrong, so that the next right one is a step
+  bool stepped_ = false;         // the last fresh sample was wrong, so that the next right one is a step
+  unsigned wrong_in_a_row_ = 0;  // readings of changed frames, since a right one
+  unsigned frozen_samples_ = 0;  // fresh ones since the sensor froze
+  std::uint32_t steps_at_startup_ = 0;
+  bool could_stand_ = false;        // the shaft could have stopped when the sensor did
+  std::uint32_t steps_before_ = 0;  // discontinuities, as of the last one before
   std::uint32_t records_ = 0;
   std::array<std::uint64_t, kErrcCount> errors_{};
   Totals totals_;

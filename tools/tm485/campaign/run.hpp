@@ -1,7 +1,8 @@
 // One run of the campaign: a bus on the simulated port in virtual time, every cycle judged.
 //
 // `Wrap` puts something between the bus and the port, and `adjust` changes the profile that the bus is told: so the tests
-// aim the same run at builds that are broken on purpose. The command uses neither.
+// aim the same run at builds that are broken on purpose, and with a Discipline that leaves something out. The command
+// uses none of these.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include <optional>
 #include <type_traits>
 
+#include "campaign/eeprom_reader.hpp"
 #include "campaign/judge.hpp"
 #include "campaign/recorder.hpp"
 #include "campaign/run_setup.hpp"
@@ -35,7 +37,7 @@ struct AsItIs {
   void operator()(Profile&) const noexcept {}
 };
 
-template <class Wrap = AsItIs, class Adjust = AsItIs>
+template <class Discipline = EepromDiscipline, class Wrap = AsItIs, class Adjust = AsItIs>
 [[nodiscard]] RunResult run(const RunSetup& setup, const RunOptions& options = {}, const Wrap& wrap = {},
                             const Adjust& adjust = {}) {
   RunResult result;
@@ -60,6 +62,8 @@ template <class Wrap = AsItIs, class Adjust = AsItIs>
     return result;
   }
   if (options.recorder != nullptr) options.recorder->begin(encoder);
+  std::optional<EepromReader<Discipline>> reader;
+  if (setup.eeprom) reader.emplace(*profile, encoder, setup.seed + setup.run);
 
   // All that lasts longer than its cycles: the encoder is off, or boots.
   const Time limit = cycle_time * static_cast<std::int64_t>(setup.cycles) * 2 + std::chrono::seconds(1);
@@ -68,8 +72,12 @@ template <class Wrap = AsItIs, class Adjust = AsItIs>
   constexpr Time kLongestSleep = std::chrono::milliseconds(1);
   bool ok = true;
   for (std::uint64_t polls = 0; judge.totals().cycles < setup.cycles && now < limit; ++polls) {
-    const Time due = bus->poll(now);
+    Time due = bus->poll(now);
     ok = judge.after_poll(*bus, now);
+    if (reader && ok) [[unlikely]] {
+      due = std::min(due, reader->drive(*bus, judge, now));
+      ok = reader->ok();
+    }
     if (options.recorder != nullptr) [[unlikely]]
       options.recorder->after_poll(*bus, encoder, judge.totals().cycles, now);
     if (!ok) [[unlikely]]

@@ -168,9 +168,9 @@ Time period_of(const RunSetup& setup) {
 }  // namespace
 
 std::string RunSetup::text() const {
-  return fmt::format("profile={}, ID{}, period {}, start jitter {}, {}, {} cycles", profile,
+  return fmt::format("profile={}, ID{}, period {}, start jitter {}, {}, {}{} cycles", profile,
                      id == DataId::everything ? 3 : 0, format_time(period_of(*this)),
-                     format_time(start_jitter), motion, cycles);
+                     format_time(start_jitter), motion, eeprom ? "EEPROM reads, " : "", cycles);
 }
 
 sim::SimOptions RunSetup::sim_options() const {
@@ -199,6 +199,10 @@ RunSetup draw_run(std::uint64_t seed, std::uint64_t run, std::uint64_t cycles,
   if (dice.once_in(2))
     setup.period = in_us(dice.span(std::chrono::microseconds(63), std::chrono::microseconds(250)));
   if (dice.once_in(3)) setup.start_jitter = Time{dice.below(3'000)};
+  // Where the EEPROM lets the cycle go on, and the period has room for another exchange.
+  setup.eeprom = setup.profile.starts_with("tformat") && dice.once_in(3);
+  if (setup.eeprom)
+    setup.period = in_us(dice.span(std::chrono::microseconds(120), std::chrono::microseconds(250)));
   setup.motion = draw_motion(dice);
   setup.shaft = setup.sim_options().motion;
   const Time length = period_of(setup) * static_cast<std::int64_t>(setup.cycles);

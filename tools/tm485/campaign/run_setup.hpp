@@ -21,6 +21,7 @@ struct RunSetup {
   DataId id = DataId::everything;
   Time period{0};  ///< 0: the shortest possible
   Time start_jitter{0};
+  bool eeprom = false;            ///< it is read in the background
   std::uint64_t cycles = 20'000;  ///< after so many it ends
   std::string motion;             ///< in the words of sim::parse_sim_options
   sim::MotionProfile shaft;

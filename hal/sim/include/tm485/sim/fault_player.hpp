@@ -24,11 +24,12 @@ class Line;
 
 /// What the plan has done to the exchange under way, and lately: for whoever judges the host.
 struct FaultEffects {
-  Time last = -kNever;   ///< until when a fault has had an effect; kNever while one lasts with no known end
-  bool touched = false;  ///< this exchange, in any way
-  bool bits_changed = false;  ///< in its request or its reply
-  bool mixed = false;         ///< likewise, by another talker, a distortion or the rest of an earlier reply
-  bool frozen = false;        ///< the encoder's sensor stands still
+  Time last = -kNever;  ///< until when a fault has had an effect; kNever while one lasts with no known end
+  Time last_change = -kNever;  ///< likewise, of one that has changed bits or put some on the line
+  bool touched = false;        ///< this exchange, in any way
+  bool bits_changed = false;   ///< in its request or its reply
+  bool mixed = false;          ///< likewise, by another talker, a distortion or the rest of an earlier reply
+  bool frozen = false;         ///< the encoder's sensor stands still
   bool restarted = false;  ///< the effect that `last` speaks of is a restart: the encoder has booted by then
 };
 
