@@ -186,6 +186,17 @@ TEST(FaultPlayer, LateBytesComeAfterAPause) {
   }
 }
 
+// The campaign called a reply broken that had paused: it knew the bytes before the pause only.
+TEST(FaultPlayer, KeepsBothPartsOfAReplyThatPaused) {
+  World world("late bytes=20us");
+  world.encoder.faults().keep_replies(true);
+  for (int k = 0; k < 20; ++k) {
+    (void)world.ask();
+    const Burst& reply = world.encoder.faults().last_reply();
+    EXPECT_EQ(Bytes(reply.bytes.begin(), reply.bytes.begin() + reply.count), kRest);
+  }
+}
+
 TEST(FaultPlayer, T2IsWhatThePlanSays) {
   World world("t2 8us cycles=1..");
   EXPECT_EQ(world.ask().starts, std::vector<Time>{us(7)});

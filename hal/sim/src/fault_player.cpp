@@ -184,6 +184,12 @@ bool FaultPlayer::on_own(Burst& burst) noexcept {
   if (speaks) touch(burst.driver_off, foreign);
   if (speaks) on_line_until_ = std::max(on_line_until_, burst.driver_off);
   effects_.mixed = effects_.mixed || (speaks && foreign);
+  if (speaks && keep_replies_ && burst.talker == Talker::encoder) {  // the rest of a reply
+    const auto rest = std::min<unsigned>(burst.count, unsigned{Burst::kCapacity} - last_reply_.count);
+    std::copy_n(burst.bytes.begin(), rest, last_reply_.bytes.begin() + last_reply_.count);
+    last_reply_.count = static_cast<std::uint8_t>(last_reply_.count + rest);
+    last_reply_.driver_off = burst.driver_off;
+  }
   find_next_own();
   return speaks;
 }

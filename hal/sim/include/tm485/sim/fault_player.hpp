@@ -59,7 +59,8 @@ class FaultPlayer final : public FaultHook {
   [[nodiscard]] bool echoes() const noexcept { return echoes_; }
   /// Requests that it has seen.
   [[nodiscard]] std::uint64_t cycles() const noexcept { return cycles_; }
-  /// The last burst of the encoder as the line carries it, with everything that was done to it.
+  /// The last reply of the encoder as the line carries it, with everything that was done to it; both parts of one that
+  /// paused.
   [[nodiscard]] const Burst& last_reply() const noexcept { return last_reply_; }
   /// Whether each burst of the encoder is kept for last_reply(): it costs a copy.
   void keep_replies(bool keep) noexcept { keep_replies_ = keep; }
