@@ -160,7 +160,7 @@ TEST(BrokenStack, IsFoundByRandomPlansMadeSmallAndPlayedAgain) {
 }
 
 TEST(Recorder, WritesATableAndAWaveform) {
-  RunSetup setup = draw_run(1, 0, 60, *sim::FaultPlan::parse("lose replies=1 cycles=80..81"));
+  RunSetup setup = draw_run(1, 0, 60, *sim::FaultPlan::parse("lose replies=1 from=58ms for=500us"));
   setup.id = DataId::everything;
   Recorder recorder(5);
   const RunResult result = run(setup, {.recorder = &recorder});

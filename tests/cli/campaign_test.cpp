@@ -48,8 +48,8 @@ TEST_F(CampaignCommand, SaysWhatItHasSeen) {
 
 TEST_F(CampaignCommand, TakesAPlanAsTextOrFile) {
   const fs::path file = folder_ / "plan";
-  std::ofstream(file) << "# the cable\nlose replies=1 cycles=100..110\n";
-  for (const std::string& plan : {std::string("lose replies=1 cycles=100..110"), file.string()}) {
+  std::ofstream(file) << "# the cable\nlose replies=1 cycles=400..410\n";
+  for (const std::string& plan : {std::string("lose replies=1 cycles=400..410"), file.string()}) {
     const Finished finished = run({"campaign", "--cycles", "20000", "--plan", plan, "--json"});
     ASSERT_EQ(finished.exit_code, 0) << finished.err << finished.out;
     EXPECT_EQ(Json::parse(finished.out).at("touched"), 11);
@@ -59,6 +59,25 @@ TEST_F(CampaignCommand, TakesAPlanAsTextOrFile) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("plan_unknown_fault"), std::string::npos);
   EXPECT_NE(refused.err.find("line 2"), std::string::npos);
+}
+
+TEST_F(CampaignCommand, WhatCannotBeIsExitCode2) {
+  for (const Process::Arguments& wrong : {Process::Arguments{"--cycles", "0"},
+                                          {"--cycles", "99999999999999999999999"},
+                                          {"--jobs", "0"},
+                                          {"--jobs", "257"},
+                                          {"--seed", "-1"},
+                                          {"--plan", ""},
+                                          {"--plan", "no such file"},
+                                          {"--replay", "1"},
+                                          {"--replay", "1:2:3"},
+                                          {"--vcd", "x.vcd"}}) {
+    Process::Arguments arguments{"campaign"};
+    arguments.insert(arguments.end(), wrong.begin(), wrong.end());
+    const Finished finished = run(arguments);
+    EXPECT_EQ(finished.exit_code, 2) << wrong[0] << ' ' << wrong[1];
+    EXPECT_LT(finished.err.size(), 400u) << "says what is possible, and no more: " << finished.err;
+  }
 }
 
 TEST_F(CampaignCommand, PlaysARunAgainWithATraceAndAWaveform) {

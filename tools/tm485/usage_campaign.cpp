@@ -1,19 +1,32 @@
 #include "usage_campaign.hpp"
 
+#include <cstdint>
+#include <string>
+
 namespace tm485::cli {
+
+namespace {
+constexpr std::uint64_t kMostCycles = 1'000'000'000'000'000;
+}
 
 void add_campaign(CLI::App& root, CampaignCommandOptions& options) {
   CLI::App& app = *root.add_subcommand(
       "campaign",
       "The whole stack in virtual time against the encoder model, with random faults, every cycle judged");
   app.add_option("--cycles", options.cycles, "How many in all (1000000); with --replay: of the one run")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(std::uint64_t{1}, kMostCycles));
   app.add_option("--seed", options.seed, "The same seed does the same again")
-      ->check(CLI::NonNegativeNumber)
+      ->check([](const std::string& text) {
+        const bool number = text.find_first_not_of("0123456789") == std::string::npos && text.size() < 20;
+        return number ? "" : "a seed is a whole number of at most 19 digits";
+      })
       ->capture_default_str();
-  app.add_option("--plan", options.plan, "A fault plan, as text or FILE, instead of random ones");
+  app.add_option("--plan", options.plan, "A fault plan, as text or FILE, instead of random ones")
+      ->check([](const std::string& text) {
+        return text.empty() ? "it is empty; '#' is a plan without a fault" : "";
+      });
   app.add_option("--jobs", options.jobs, "Threads; default: one for each processor")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1, 256));
   app.add_option("--replay", options.replay, "SEED:RUN of a failure: this run again, with a trace");
   app.add_option("--vcd", options.vcd, "With --replay: a new FILE for the waveform around the failing cycle");
   app.add_flag("--json", options.json, "One JSON object");

@@ -26,14 +26,16 @@ void Totals::add(const Totals& other) noexcept {
   smallest_t1_margin = std::min(smallest_t1_margin, other.smallest_t1_margin);
 }
 
-/// By the bytes that the line carried, as the specification says (section 3): the XOR of a whole frame is 0.
+/// By the bytes that the line carried, as the specification says (section 3): the XOR of a whole frame is 0. What comes
+/// behind a whole frame does not make it a broken one: a host that took it before cannot know.
 bool Judge::frame_is_broken() const noexcept {
   // What the receiver makes of a distorted burst, or of one that met another driver, is not known here.
   if (encoder_->faults().effects().mixed) return false;
   const sim::Burst& reply = encoder_->faults().last_reply();
+  if (reply.count < reply_length_) return true;
   unsigned sum = 0;
-  for (unsigned k = 0; k < reply.count; ++k) sum ^= reply.bytes[k];
-  return reply.count != reply_length_ || reply.bytes[0] != cf_ || sum != 0;
+  for (unsigned k = 0; k < reply_length_; ++k) sum ^= reply.bytes[k];
+  return reply.bytes[0] != cf_ || sum != 0;
 }
 
 /// A sensor that stands still looks like a shaft that has stopped. If it could have, between the first two such samples,
@@ -60,7 +62,7 @@ bool Judge::on_position(const Sample& sample, const sim::FaultEffects& effects, 
   const std::int64_t exact = kQuantisation + uncertain_;
   const bool turns_unknown =
       reply_length_ != 11 &&
-      (kStatesHalfWidth<Sample> ? discontinuities_of(sample) != steps_at_startup_ : was_frozen_);
+      (kStatesHalfWidth<Sample> ? discontinuities_of(sample) != steps_at_startup_ : lost_track_);
   if (off > turn_ / 2 && turns_unknown) {  // until the next start-up
     ++totals_.lost_turns;
     off = std::min(off % turn_, turn_ - off % turn_);
@@ -71,6 +73,8 @@ bool Judge::on_position(const Sample& sample, const sim::FaultEffects& effects, 
     if (off * kDangerousOfTurn > turn_) ++totals_.dangerous;
   }
   if (off > exact) stepped_ = true;
+  constexpr std::int64_t kPartOfTurn = 4;
+  if (off > turn_ / kPartOfTurn) lost_track_ = true;
   wrong_in_a_row_ = off > exact ? wrong_in_a_row_ + 1 : 0;
   const auto allowed = clean ? std::optional(exact) : stated_half_width(sample);
   if (!allowed || off <= *allowed) return true;
@@ -80,6 +84,7 @@ bool Judge::on_position(const Sample& sample, const sim::FaultEffects& effects, 
   const bool unknowable = (!clean && wrong_in_a_row_ >= kInARow) || (effects.frozen && could_stand_);
   if (!unknowable) return fail(Rule::position, now, off, *allowed);
   ++totals_.beyond;
+  could_stand_ = true;  // and goes on to look so, even when the shaft passes by
   return true;
 }
 

@@ -23,7 +23,6 @@ inline constexpr int kCyclesUntilFresh = 4;
 inline constexpr int kCyclesAfterStep = 20;
 /// The same through a start-up, or from the end of the boot time.
 inline constexpr int kCyclesAfterStartup = 20;
-inline constexpr Time kAskInterval{1'000'000};    ///< start-up asks a silent encoder so often
 inline constexpr std::int64_t kQuantisation = 1;  ///< counts
 /// A wrong position is dangerous from here on: 0.18 degrees.
 inline constexpr std::int64_t kDangerousOfTurn = 2'000;
@@ -148,7 +147,7 @@ class Judge {
         loss_bound_(cycle_time * kCyclesUntilLoss + kLongestExchange),
         recovery_bound_(cycle_time * kCyclesUntilFresh + kLongestExchange),
         step_bound_(kStatesHalfWidth<Sample> ? cycle_time * kCyclesAfterStep + kLongestExchange : kNever),
-        startup_bound_(cycle_time * kCyclesAfterStartup + kAskInterval + kLongestExchange),
+        startup_bound_(cycle_time * kCyclesAfterStartup + kLongestExchange),
         turn_(std::int64_t{1} << profile.profile().single_turn_bits),
         uncertain_(uncertainty(profile)),
         stopping_(stopping(profile)),
@@ -226,7 +225,7 @@ class Judge {
     const sim::Latch& latch = encoder_->model().last_latch();
     const sim::FaultEffects& effects = encoder_->faults().effects();
     stepped_ = effects.frozen;
-    was_frozen_ = was_frozen_ || effects.frozen;
+    lost_track_ = lost_track_ || effects.frozen;
     if (effects.frozen) [[unlikely]] {
       on_frozen(sample, before);
     } else {
@@ -304,7 +303,7 @@ class Judge {
   bool through_startup_ = true;
   bool shown_fresh_ = false;
   Time shown_latch_{0};
-  bool was_frozen_ = false;
+  bool lost_track_ = false;      // of the turns, where samples say nothing of discontinuities
   bool stepped_ = false;         // the last fresh sample was wrong, so that the next right one is a step
   unsigned wrong_in_a_row_ = 0;  // readings of changed frames, since a right one
   unsigned frozen_samples_ = 0;  // fresh ones since the sensor froze
