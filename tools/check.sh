@@ -12,7 +12,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 # Cheap steps first: what fails, fails early.
-steps=(policy format headers heap model spin arm cost firmware gpiod2 tsan clang asan tidy vm)
+steps=(policy format headers heap model spin campaign arm cost firmware gpiod2 tsan clang asan tidy vm)
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -179,6 +179,14 @@ step_model() {
 
 about[spin]="spin: the whole protocol with faults, every way: T1, bounded waits, recovery; and broken twins that it must find"
 step_spin() { tools/spin.sh; }
+
+about[campaign]="tm485 campaign: 2 * 10^8 cycles of the whole stack under random fault plans, every one judged (docs/fault-plans.md)"
+step_campaign() {
+  # With the build that the tests have used: it has assertions, and costs nothing here. One seed: a run that fails on one
+  # machine fails on every other.
+  build dev tm485 || return
+  build/dev/tools/tm485 campaign --cycles 200000000 --seed 485 --jobs "$jobs" </dev/null
+}
 
 about[tsan]="thread sanitizer with GCC and Clang 19, no suppressions: stress of the lock-free types, and races that it must find"
 step_tsan() {
