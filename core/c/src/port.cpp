@@ -1,6 +1,7 @@
 // The port that calls the user's functions.
 #include "tm485/c/port.h"
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <expected>
@@ -25,6 +26,13 @@ static_assert(value(State::idle) == TM485_TRANSMISSION_IDLE &&
               value(State::sent) == TM485_TRANSMISSION_SENT &&
               value(State::failed) == TM485_TRANSMISSION_FAILED);
 
+/// No instant that a port may name is further from now than this; sums with it cannot overflow.
+constexpr Time kFurthest = std::chrono::hours(1);
+
+[[nodiscard]] bool plausible(tm485_time instant, Time now) noexcept {
+  return instant >= (now - kFurthest).count() && instant <= (now + kFurthest).count();
+}
+
 }  // namespace
 
 PortCapability CPort::capability() const noexcept {
@@ -44,7 +52,7 @@ std::expected<Time, Errc> CPort::try_send(std::span<const std::uint8_t> request,
   tm485_time start = now.count();
   const tm485_errc error =
       port_->try_send(port_->context, request.data(), request.size(), now.count(), &start);
-  if (error == TM485_OK) [[likely]]
+  if (error == TM485_OK && plausible(start, now)) [[likely]]
     return Time{start};
   return std::unexpected(error == TM485_ERR_SEND_FAILED ? Errc::send_failed : Errc::port_gone);
 }
@@ -61,7 +69,9 @@ Transmission CPort::transmission(Time now) noexcept {
 Reception CPort::try_receive(std::span<std::uint8_t> buffer, Time now) noexcept {
   tm485_reception reception{};
   port_->try_receive(port_->context, buffer.data(), buffer.size(), now.count(), &reception);
-  if (reception.count > buffer.size() || !known(reception.fault)) [[unlikely]]
+  if (reception.count > buffer.size() || !known(reception.fault) ||
+      (reception.count != 0 && !plausible(reception.first_start, now) && reception.first_start != 0))
+      [[unlikely]]
     return {.fault = Errc::port_gone};
   return {.count = reception.count,
           .first_start = Time{reception.first_start},

@@ -4,7 +4,9 @@
 // loop's context owns client() and never waits for the other. Specification: sections 2 to 4.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <expected>
 #include <optional>
@@ -21,9 +23,10 @@ namespace tm485 {
 /// What an axis does. Copied at construction.
 struct AxisSetup {
   BusConfig bus;
-  const EstimatorGains* gains = nullptr;                 ///< must outlive the axis; null: no estimator
-  InvalidCallback on_invalid;                            ///< torque off; called in the bus's context
-  Time statistics_every = std::chrono::milliseconds(1);  ///< how old statistics in other threads may be
+  const EstimatorGains* gains = nullptr;  ///< must outlive the axis; null: no estimator
+  InvalidCallback on_invalid;             ///< torque off; called in the bus's context
+  Time statistics_every =
+      std::chrono::milliseconds(1);  ///< how old statistics in other threads may be, up to an hour
 };
 
 template <Port P>
@@ -33,7 +36,7 @@ class Axis {
   Axis(P& port, const CompiledProfile& profile, const AxisSetup& setup) noexcept
       : bus_(port, profile, setup.bus),
         validity_(setup.on_invalid),
-        statistics_every_(setup.statistics_every),
+        statistics_every_(std::clamp(setup.statistics_every, Time{0}, Time{std::chrono::hours(1)})),
         max_hold_(setup.bus.max_hold),
         after_restart_(setup.bus.axis.after_restart),
         commands_(link_.commands),

@@ -60,10 +60,13 @@ struct BusConfig {
   LinkLimits link;                  ///< what is called a good line, and a lost one
   std::uint8_t alarm_debounce = 2;  ///< replies in a row that must agree on a status bit (AlarmMonitor), 1..4
 
-  /// False if a part of it is out of its range. A bus refuses to start with it.
+  /// False if a bus refuses to start with it: an axis or limits that are not valid, a debounce out of its range, a span below
+  /// zero or above an hour, an epoch beyond kNever.
   [[nodiscard]] constexpr bool valid() const noexcept {
+    constexpr Time kLongest = std::chrono::hours(1);
     return axis.valid() && link.valid() && alarm_debounce != 0 &&
-           alarm_debounce <= AlarmMonitor::kMostDebounce;
+           alarm_debounce <= AlarmMonitor::kMostDebounce && max_hold >= Time{0} && max_hold <= kLongest &&
+           lost_after >= Time{0} && lost_after <= kLongest && phase.epoch >= -kNever && phase.epoch <= kNever;
   }
 };
 
@@ -108,7 +111,7 @@ class Bus {
   Bus& operator=(const Bus&) = delete;
 
   /// Can the pattern be kept with this profile and port? Its slack, or why not. Sends nothing, changes nothing.
-  /// Without a pattern: all zero. Errors: see CycleRefusal.
+  /// Without a pattern: all zero. Errors: see CycleRefusal; bad_argument also for a config or a port that is not valid().
   [[nodiscard]] std::expected<Feasibility, CycleRefusal> check() const noexcept;
   /// As check(), and begins start-up at `now`; a bus that runs begins anew. On a refusal nothing has changed.
   [[nodiscard]] std::expected<void, CycleRefusal> start(Time now) noexcept;

@@ -27,7 +27,7 @@ std::expected<Scheduler, CycleRefusal> Bus<P>::make_scheduler() const noexcept {
 
 template <Port P>
 std::expected<Feasibility, CycleRefusal> Bus<P>::check() const noexcept {
-  if (!config_.valid()) return std::unexpected(CycleRefusal{Errc::bad_argument});
+  if (!config_.valid() || !capability_.valid()) return std::unexpected(CycleRefusal{Errc::bad_argument});
   if (!config_.cycle) return Feasibility{};
   const auto scheduler = make_scheduler();
   if (!scheduler) return std::unexpected(scheduler.error());
@@ -36,7 +36,7 @@ std::expected<Feasibility, CycleRefusal> Bus<P>::check() const noexcept {
 
 template <Port P>
 std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
-  if (!config_.valid()) return std::unexpected(CycleRefusal{Errc::bad_argument});
+  if (!config_.valid() || !capability_.valid()) return std::unexpected(CycleRefusal{Errc::bad_argument});
   if (config_.cycle) {
     const auto scheduler = make_scheduler();
     if (!scheduler) return std::unexpected(scheduler.error());

@@ -12,10 +12,12 @@
 // Specification: sections 1 and 4.
 #pragma once
 
+#include <chrono>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <expected>
+#include <initializer_list>
 #include <span>
 
 #include "tm485/errc.hpp"
@@ -38,6 +40,14 @@ struct PortCapability {
   bool wire_timestamps = false;  ///< `Reception` times are those of the wire, so T2 can be judged
   Time release_bound{0};         ///< last stop bit of a request until the driver is off the line, at most
   TimingClass timing = TimingClass::hard;
+
+  /// False if a span is below zero or above an hour: nobody means that, and sums with it would overflow. A bus refuses to
+  /// start on such a port.
+  [[nodiscard]] constexpr bool valid() const noexcept {
+    for (const Time span : {shortest_exchange, jitter_margin, latency_allowance, release_bound})
+      if (span < Time{0} || span > std::chrono::hours(1)) return false;
+    return true;
+  }
 };
 
 /// How far the last request has got.

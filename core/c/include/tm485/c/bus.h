@@ -172,7 +172,7 @@ TM485_NODISCARD tm485_errc tm485_bus_init(tm485_bus* bus, const tm485_port* port
 
 /* Can the pattern be kept with this profile and port? Sends nothing, changes nothing. On TM485_OK `feasibility` is set
    (all 0 without a pattern), otherwise `refusal`; either may be NULL. Owner; bounded by the pattern. Errors:
-   TM485_ERR_BAD_ARGUMENT, _PERIOD_BELOW_T1, _PERIOD_BELOW_PORT, _POSITION_LOST, _SERVO_MISMATCH, _LEAD_TOO_SHORT. */
+   TM485_ERR_BAD_ARGUMENT (also a span of the config or of the port below zero or above an hour), _PERIOD_BELOW_T1, _PERIOD_BELOW_PORT, _POSITION_LOST, _SERVO_MISMATCH, _LEAD_TOO_SHORT. */
 TM485_NODISCARD tm485_errc tm485_bus_check(const tm485_bus* bus, tm485_feasibility* feasibility,
                                            tm485_refusal* refusal);
 /* As tm485_bus_check(), and begins start-up; a bus that runs begins anew. On a refusal nothing has changed. Owner. */

@@ -50,8 +50,8 @@ typedef struct tm485_reception {
 } tm485_reception;
 
 /* The functions. None may be NULL; `context` is for their own use. The table must outlive the bus; it may be a constant
-   in flash. What a function answers that makes no sense (more bytes than asked for, a code that is none) ends the
-   exchange with TM485_ERR_PORT_GONE. */
+   in flash. What a function answers that makes no sense (more bytes than asked for, a code that is none, an
+   instant more than an hour away) ends the exchange with TM485_ERR_PORT_GONE. */
 typedef struct tm485_port {
   void* context;
   void (*capability)(void* context, tm485_port_capability* capability);
