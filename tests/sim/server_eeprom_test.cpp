@@ -146,6 +146,21 @@ TEST(EepromFile, ASaveReplacesTheFileBehindALinkAndKeepsItsMode) {
   EXPECT_FALSE(fs::exists(path + ".new"));
 }
 
+TEST(EepromFile, WhatLiesAtTheNameOfTheNewFileIsNotWrittenTo) {
+  const TemporaryDirectory directory;
+  const std::string path = directory.file("eeprom");
+  const std::string victim = directory.file("victim");
+  std::ofstream{victim, std::ios::binary} << "mine";
+  fs::create_hard_link(victim, path + ".new");
+  Server server = pty_server();
+  ASSERT_TRUE(server.keep_eeprom(path).has_value());
+  EXPECT_EQ(content_of(victim), (Bytes{'m', 'i', 'n', 'e'}));
+  ASSERT_EQ(::mkfifo((path + ".new").c_str(), 0600), 0);  // opening it would wait for a reader
+  Server another = pty_server();
+  ASSERT_TRUE(another.keep_eeprom(path).has_value());
+  EXPECT_EQ(content_of(path), Bytes(889, 0xFF));
+}
+
 TEST(EepromFile, AFolderThatIsGoneEndsTheServerWithAnError) {
   const TemporaryDirectory directory;
   fs::create_directory(directory.file("folder"));

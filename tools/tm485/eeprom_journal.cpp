@@ -113,13 +113,9 @@ std::expected<JournalFile, Problem> journal_to_undo(const std::string& base,
       "name that of this encoder with --journal"));
 }
 
-std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::string& path,
-                                                                  const EepromShape& shape) {
-  std::error_code error;
-  if (!std::filesystem::exists(std::filesystem::symlink_status(path, error))) return std::nullopt;
-  const auto content = read_whole_file(path, kLargestFile);
-  if (!content) return std::unexpected(content.error());
-  const Json json = parse_shallow(*content);
+std::expected<EepromJournal, Problem> parse_journal(const std::string& content, const EepromShape& shape,
+                                                    const std::string& path) {
+  const Json json = parse_shallow(content);
   if (!json.is_object() || json.value("format", Json()) != Json(kFormat))
     return std::unexpected(bad_journal(path, "it is not one that tm485 eeprom restore has written"));
   if (json.value("version", Json()) != Json(kVersion))
@@ -137,7 +133,15 @@ std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::str
   return EepromJournal{*state, text("port"), text("backup_file"), std::move(*wanted), std::move(*before)};
 }
 
-namespace {
+std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::string& path,
+                                                                  const EepromShape& shape) {
+  std::error_code error;
+  if (!std::filesystem::exists(std::filesystem::symlink_status(path, error))) return std::nullopt;
+  const auto content = read_whole_file(path, kLargestFile, Links::refuse);
+  if (!content) return std::unexpected(content.error());
+  return parse_journal(*content, shape, path);
+}
+
 std::string journal_text(const EepromJournal& journal) {
   Json json;
   json["format"] = kFormat;
@@ -149,7 +153,6 @@ std::string journal_text(const EepromJournal& journal) {
   json["before"] = Json::parse(image_text(journal.before, ImageFormat::json));
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
 }
-}  // namespace
 
 std::expected<std::string, Problem> create_journal(const std::string& base, const EepromJournal& journal) {
   constexpr std::size_t kMost = 10'000;
@@ -164,7 +167,7 @@ std::expected<std::string, Problem> create_journal(const std::string& base, cons
 }
 
 std::expected<void, Problem> save_journal(const std::string& path, const EepromJournal& journal) {
-  return replace_file(path, journal_text(journal));
+  return replace_file(path, journal_text(journal), Links::refuse);
 }
 
 }  // namespace tm485::cli

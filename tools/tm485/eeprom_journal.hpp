@@ -47,6 +47,13 @@ struct JournalFile {
 [[nodiscard]] std::expected<JournalFile, Problem> journal_to_undo(const std::string& base,
                                                                   const std::vector<JournalFile>& all);
 
+/// The journal in the content of a file, and the other way round. Problem: bad_journal (exit code 2); `path` is for the
+/// texts.
+[[nodiscard]] std::expected<EepromJournal, Problem> parse_journal(const std::string& content,
+                                                                  const EepromShape& shape,
+                                                                  const std::string& path);
+[[nodiscard]] std::string journal_text(const EepromJournal& journal);
+
 /// Nothing if there is no such file. Problem: bad_journal, file_failed or those of parse_image (exit code 2).
 [[nodiscard]] std::expected<std::optional<EepromJournal>, Problem> load_journal(const std::string& path,
                                                                                 const EepromShape& shape);

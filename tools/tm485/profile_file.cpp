@@ -2,33 +2,21 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
-#include <fstream>
-#include <iterator>
-#include <system_error>
+#include <utility>
 
 #include "profile_toml.hpp"
+#include "safe_file.hpp"
 
 namespace tm485::cli {
 namespace {
 
 constexpr std::size_t kLargestFile = 262'144;
 
-Problem file_problem(const std::string& path, std::string_view why) {
-  return usage_problem("profile_file", fmt::format("{}: {}", path, why),
-                       "name a readable TOML file, or one of the presets: tm485 profiles");
-}
-
 std::expected<std::string, Problem> read_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return std::unexpected(file_problem(path, std::generic_category().message(errno)));
-  std::string text(kLargestFile + 1, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (file.bad() || (file.fail() && !file.eof()))
-    return std::unexpected(file_problem(path, "it cannot be read"));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > kLargestFile) return std::unexpected(file_problem(path, "it is larger than 256 KiB"));
-  return text;
+  auto text = read_whole_file(path, kLargestFile);
+  if (text) return text;
+  return std::unexpected(usage_problem("profile_file", std::move(text.error().cause),
+                                       "name a readable TOML file, or one of the presets: tm485 profiles"));
 }
 
 Problem unknown_profile(const std::string& name) {

@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <array>
-#include <deque>
+#include <functional>
 #include <limits>
 #include <optional>
+#include <set>
+#include <string>
 
 #include "quantity.hpp"
 
@@ -53,7 +55,8 @@ std::string_view text_of(const toml::node& node, std::string_view expected) {
 Time time_of(const toml::node& node) {
   constexpr std::string_view kExpected = "expected a time such as \"62.5us\", or a whole number of ns";
   if (const auto* value = node.as_integer()) {
-    if (std::abs(value->get()) > Time(std::chrono::hours(1)).count()) complain(node, std::string(kExpected));
+    constexpr std::int64_t kMost = Time(std::chrono::hours(1)).count();
+    if (value->get() > kMost || value->get() < -kMost) complain(node, std::string(kExpected));
     return Time{value->get()};
   }
   const auto* text = node.as_string();
@@ -128,10 +131,14 @@ void read_alarms(AlarmPolicy& alarms, const toml::node& node) {
   }
 }
 
-/// Profile::name is a view: the names live as long as the process.
+/// Profile::name is a view: the names live as long as the process, each once.
 void read_name(std::string_view& name, const toml::node& node) {
-  static std::deque<std::string> names;
-  name = names.emplace_back(text_of(node, "a text"));
+  constexpr std::size_t kLongest = 64;
+  constexpr std::string_view kExpected = "a text of up to 64 bytes";
+  static std::set<std::string, std::less<>> names;
+  const std::string_view text = text_of(node, kExpected);
+  if (text.size() > kLongest) complain(node, fmt::format("expected {}", kExpected));
+  name = *names.emplace(text).first;
 }
 
 struct Key {

@@ -6,14 +6,17 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <system_error>
 
 namespace tm485::cli {
 namespace {
 
 constexpr mode_t kNewFileMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH;
+constexpr mode_t kPermissions = 0777;
 
 class Descriptor {
  public:
@@ -63,29 +66,46 @@ void sync_directory_of(const std::string& path) {
   if (folder.is_open()) (void)::fsync(folder.get());
 }
 
-/// Writes a file beside `path`, under a name of this process. False with errno, and it is gone again.
-bool write_beside(const std::string& name, std::string_view content) {
-  const Descriptor file(
-      ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, kNewFileMode));
-  if (!file.is_open()) return false;
-  if (write_all(file.get(), content) && ::fsync(file.get()) == 0) return true;
-  const int error = errno;
-  ::unlink(name.c_str());
-  errno = error;
-  return false;
+/// Makes a new file beside `path`, never what somebody has put there before: a link, a pipe, a file that they own. Nothing
+/// with errno. `mode`: that of an old file.
+std::optional<std::string> write_beside(const std::string& path, std::string_view content,
+                                        std::optional<mode_t> mode) {
+  constexpr int kMostLeftovers = 16;  // of processes that were killed
+  for (int attempt = 0; attempt < kMostLeftovers; ++attempt) {
+    std::string name = fmt::format("{}.{}.{}.new", path, ::getpid(), attempt);
+    const Descriptor file(
+        ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode.value_or(kNewFileMode)));
+    if (!file.is_open() && errno == EEXIST) continue;
+    if (!file.is_open()) return std::nullopt;
+    if (write_all(file.get(), content) && (!mode || ::fchmod(file.get(), *mode) == 0) &&
+        ::fsync(file.get()) == 0)
+      return name;
+    const int error = errno;
+    ::unlink(name.c_str());
+    errno = error;
+    return std::nullopt;
+  }
+  errno = EEXIST;
+  return std::nullopt;
 }
 
 }  // namespace
 
-std::expected<std::string, Problem> read_whole_file(const std::string& path, std::size_t most) {
+std::expected<std::string, Problem> read_whole_file(const std::string& path, std::size_t most, Links links) {
   constexpr std::string_view kWhat = "reading";
-  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  const int follow = links == Links::refuse ? O_NOFOLLOW : 0;
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | follow));
+  if (!file.is_open() && errno == ELOOP && links == Links::refuse)
+    return std::unexpected(file_problem(kWhat, path, "it is a symbolic link", kExitUsage));
   if (!file.is_open()) return std::unexpected(system_problem(kWhat, path, kExitUsage));
   struct stat status{};
   if (::fstat(file.get(), &status) != 0) return std::unexpected(system_problem(kWhat, path, kExitUsage));
   if (!S_ISREG(status.st_mode))
     return std::unexpected(file_problem(kWhat, path, "it is not a regular file", kExitUsage));
-  std::string content(most + 1, '\0');
+  if (static_cast<std::uint64_t>(status.st_size) > most)
+    return std::unexpected(
+        file_problem(kWhat, path, fmt::format("it has more than {} bytes", most), kExitUsage));
+  std::string content(most + 1, '\0');  // it may grow meanwhile, and files of /proc have no size
   std::size_t filled = 0;
   while (filled < content.size()) {
     const ssize_t count = ::read(file.get(), content.data() + filled, content.size() - filled);
@@ -101,15 +121,21 @@ std::expected<std::string, Problem> read_whole_file(const std::string& path, std
   return content;
 }
 
-std::expected<void, Problem> replace_file(const std::string& path, std::string_view content) {
-  const std::string real = without_links(path);
-  if (struct stat status{}; ::stat(real.c_str(), &status) == 0 && !S_ISREG(status.st_mode))
-    return std::unexpected(file_problem("writing", path, "it is not a regular file", kExitFailure));
-  const std::string fresh = fmt::format("{}.{}.new", real, ::getpid());
-  if (!write_beside(fresh, content)) return std::unexpected(system_problem("writing", path, kExitFailure));
-  if (::rename(fresh.c_str(), real.c_str()) != 0) {
+std::expected<void, Problem> replace_file(const std::string& path, std::string_view content, Links links) {
+  const std::string real = links == Links::follow ? without_links(path) : path;
+  std::optional<mode_t> mode;
+  if (struct stat status{}; ::lstat(real.c_str(), &status) == 0) {
+    const bool link = S_ISLNK(status.st_mode);
+    if (!S_ISREG(status.st_mode))
+      return std::unexpected(file_problem(
+          "writing", path, link ? "it is a symbolic link" : "it is not a regular file", kExitFailure));
+    mode = status.st_mode & kPermissions;
+  }
+  const auto fresh = write_beside(real, content, mode);
+  if (!fresh) return std::unexpected(system_problem("writing", path, kExitFailure));
+  if (::rename(fresh->c_str(), real.c_str()) != 0) {
     const Problem problem = system_problem("writing", path, kExitFailure);
-    ::unlink(fresh.c_str());
+    ::unlink(fresh->c_str());
     return std::unexpected(problem);
   }
   sync_directory_of(real);
@@ -125,7 +151,7 @@ std::expected<void, Problem> create_file(const std::string& path, std::string_vi
                                            "choose another name, or move the file away"));
     if (!taken.is_open()) return std::unexpected(system_problem("writing", path, kExitFailure));
   }
-  auto written = replace_file(path, content);
+  auto written = replace_file(path, content, Links::refuse);
   if (!written) ::unlink(path.c_str());
   return written;
 }

@@ -78,7 +78,9 @@ std::expected<void, ServerError> EepromFile::save(std::span<const std::uint8_t> 
   const char* const remedy =
       "choose a path in a directory that exists, that you may write, and that has space";
   const std::string fresh = path_ + ".new";
-  FileDescriptor file{::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, mode_)};
+  // What lies there is a leftover, or somebody else's link or pipe: never written to.
+  ::unlink(fresh.c_str());
+  FileDescriptor file{::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode_)};
   if (!file.is_open()) return failed(what, remedy);
   if (!write_all(file.get(), bytes) || ::fsync(file.get()) != 0 ||
       ::rename(fresh.c_str(), path_.c_str()) != 0) {
