@@ -328,13 +328,8 @@ int run(const CLI::App& app, const Commands& commands) {
   return run_profiles(commands.profiles_json);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  install_stop_signal();
-  Commands commands;
-  CLI::App app("TM485 and T-format absolute encoders on RS-485: look at them, read them, simulate them.",
-               "tm485");
+/// Everything that can be typed.
+void declare(CLI::App& app, Commands& commands) {
   app.set_version_flag("--version", "tm485 " + std::string(tm485::version().text));
   app.require_subcommand(1);
   app.footer(
@@ -361,6 +356,39 @@ int main(int argc, char** argv) {
   CLI::App& profiles = *app.add_subcommand("profiles", "The preset profiles");
   profiles.add_flag("--json", commands.profiles_json, "One JSON object a profile, times in ns");
   profiles.footer("Example:\n  tm485 profiles --json");
+}
+
+constexpr const char* kAbout =
+    "TM485 and T-format absolute encoders on RS-485: look at them, read them, simulate them.";
+
+}  // namespace
+
+#ifdef TM485_COMMAND_LINE_ONLY
+
+// For tests/fuzz, whose programs have a main() of their own.
+namespace tm485::cli {
+bool command_line_is_good(int argc, char** argv);
+bool command_line_is_good(int argc, char** argv) {
+  Commands commands;
+  CLI::App app(kAbout, "tm485");
+  declare(app, commands);
+  (void)&run;
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError&) {
+    return false;
+  }
+  return true;
+}
+}  // namespace tm485::cli
+
+#else
+
+int main(int argc, char** argv) {
+  install_stop_signal();
+  Commands commands;
+  CLI::App app(kAbout, "tm485");
+  declare(app, commands);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -373,3 +401,5 @@ int main(int argc, char** argv) {
         {"internal_error", error.what(), "report this with the command that led to it", kExitFailure});
   }
 }
+
+#endif
