@@ -34,3 +34,22 @@ function(tm485_library name)
     tm485_target(${target})
   endif()
 endfunction()
+
+# tm485_hardened(<target>): for programs of the host that read what others give them: tables and calls that an attacker
+# cannot overwrite, a guard on each stack frame, checked string functions, and (programs) a random address.
+# tests/hardening looks at the result. Not with a sanitizer, whose checks these would hide.
+include(CheckPIESupported)
+check_pie_supported(LANGUAGES CXX)
+function(tm485_hardened target)
+  if(CMAKE_CXX_FLAGS MATCHES "-fsanitize|--coverage")
+    return()
+  endif()
+  # Without optimisation glibc warns of _FORTIFY_SOURCE.
+  target_compile_options(${target} PRIVATE -fstack-protector-strong
+    "$<$<NOT:$<CONFIG:Debug>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=3>")
+  get_target_property(type ${target} TYPE)
+  if(type STREQUAL "EXECUTABLE")
+    set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+    target_link_options(${target} PRIVATE -Wl,-z,relro,-z,now,-z,noexecstack)
+  endif()
+endfunction()
