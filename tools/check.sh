@@ -13,6 +13,9 @@ cd "$root"
 
 # Cheap steps first: what fails, fails early.
 steps=(policy format headers heap model spin campaign arm cost firmware gpiod2 tsan clang asan tidy vm)
+# By name only, not yet among those of every run: coverage, mutants, fuzz.
+fuzz_seconds=300  # of the step fuzz, all targets together
+mutant_count=10   # of the step mutants
 declare -A about
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror)
 
@@ -170,6 +173,17 @@ step_gpiod2() {
   build gpiod2 tm485_tests_linux_fake || return
   quiet build/gpiod2/gpiod2.log build/gpiod2/tests/tm485_tests_linux_fake || return
   grep -oE '^\[ +PASSED +\] [0-9]+ tests' build/gpiod2/gpiod2.log | sed 's/.*\] /libgpiod 2.x: passed /'
+}
+
+about[fuzz]="libFuzzer on every parser, the bus and the C interface, $fuzz_seconds s in all (tests/fuzz, tools/fuzz.sh)"
+step_fuzz() { tools/fuzz.sh --seconds "$fuzz_seconds"; }
+
+about[coverage]="statements and branches of the core that the tests execute, and an excuse for every line that they do not"
+step_coverage() { tools/coverage.sh | tail -n 20; }
+
+about[mutants]="$mutant_count mutants of the core, chosen by the commit: a test has to notice (tools/mutants.py)"
+step_mutants() {
+  tools/mutants.py --count "$mutant_count" --minutes 8 --seed "$(git -c safe.directory="$root" rev-parse HEAD)"
 }
 
 about[model]="relacy: the lock-free types under weak memory, and weakened twins that it must find"
