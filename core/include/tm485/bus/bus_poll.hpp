@@ -16,7 +16,7 @@ std::expected<Scheduler, CycleRefusal> Bus<P>::make_scheduler() const noexcept {
   // The gap between two positions is longer than in the pattern by what is not known of their instants.
   const Time longest = tracker_.unwrap_limit() - profile_->profile().latch_uncertainty * 2 -
                        capability_.jitter_margin - Time{1};
-  if (scheduler->unwrap_gap() <= longest) return scheduler;
+  if (scheduler->unwrap_gap() == Time{0} || scheduler->unwrap_gap() <= longest) return scheduler;
   const Time nearest = longest / (scheduler->unwrap_gap() / scheduler->pattern().slot());
   Pattern fastest = *config_.cycle;
   fastest.set_slot(Time{0});
@@ -111,7 +111,7 @@ Time Bus<P>::next_due(Time now) const noexcept {
     return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
   if (state_ == BusState::startup) return std::max(startup_.due(), earliest);
   if (candidate(std::max(now, earliest)) != nullptr) return earliest;
-  if (hold_ != LineHold::none) return hold_until_;
+  if (hold_ != LineHold::none) return std::max(hold_until_, earliest);
   return scheduler_ ? std::max(scheduler_->slot(), earliest) : kNever;
 }
 
