@@ -4,8 +4,9 @@
 
 namespace tm485 {
 
-PlausibilityGate::PlausibilityGate(unsigned single_turn_bits, const AxisConfig&) noexcept
-    : half_width_(std::uint32_t{1} << (single_turn_bits - 11)) {}
+PlausibilityGate::PlausibilityGate(unsigned single_turn_bits, const AxisConfig&) noexcept {
+  track_.half_width = std::uint32_t{1} << (single_turn_bits - 11);
+}
 
 GateVerdict PlausibilityGate::judge(const PositionReading&) noexcept { return GateVerdict::accepted; }
 

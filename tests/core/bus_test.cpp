@@ -234,7 +234,8 @@ TEST_F(BusTest, ASilenceInWhichTheEncoderCanHaveRestartedIsALossWhateverWasConfi
 }
 
 TEST_F(BusTest, AGoodCycleStartsTheCountOfFailuresAnew) {
-  config.axis.max_acceleration_rpm_s = AxisConfig::kSteepest;  // a single reply after seven bad ones is believed
+  config.axis.max_acceleration_rpm_s =
+      AxisConfig::kSteepest;  // a single reply after seven bad ones is believed
   config.lost_after = us(500);
   begin_running();
   int n = 0;

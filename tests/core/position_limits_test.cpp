@@ -29,7 +29,8 @@ TEST(PositionTracker, AFrameThatTheShaftCannotHaveReachedIsRefusedAndLeavesNothi
   EXPECT_EQ(track.id3(1'000 + 26'000, 1)->position(), 27'000) << "two milliseconds since the last good one";
   EXPECT_EQ(error_of(track.id3(27'000 + 13'200, 1)), Errc::position_implausible);
   track.step = us(1);
-  EXPECT_EQ(error_of(track.id0(27'000 + 15'000)), Errc::position_implausible) << "of single-turn data as well";
+  EXPECT_EQ(error_of(track.id0(27'000 + 15'000)), Errc::position_implausible)
+      << "of single-turn data as well";
   EXPECT_TRUE(track.id0(27'000 + 13'000));
 }
 
