@@ -4,7 +4,8 @@ namespace tm485 {
 namespace {
 
 constexpr std::int64_t kNsPerMinute = 60'000'000'000;
-constexpr std::int64_t kLongestMemory = 16'000'000;  // ns; keeps bend() in 63 bits
+constexpr std::int64_t kLongestMemory =
+    12'000'000;  // ns; keeps bend() in 63 bits, at 24 bits and the steepest
 constexpr std::int64_t kShortestMemory = 100'000;
 
 /// rpm/s << bits, divided by this, is in counts per (2^10 ns)^2 times 2^30: 60 s / (1.024 us)^2 / 2^30, rounded down.
@@ -21,7 +22,7 @@ PlausibilityGate::PlausibilityGate(unsigned single_turn_bits, const AxisConfig& 
   // From one greatest speed to the opposite one.
   memory_ = std::clamp(2 * rpm * 1'000'000'000 / rpm_s, kShortestMemory, kLongestMemory);
   constexpr unsigned kFineBits = 11;
-  fine_ = std::int64_t{1} << (single_turn_bits - kFineBits);
+  fine_ = std::int64_t{1} << (single_turn_bits > kFineBits ? single_turn_bits - kFineBits : 0U);
 }
 
 void PlausibilityGate::expect_every(Time gap) noexcept {
@@ -42,7 +43,7 @@ std::int64_t PlausibilityGate::round_up(std::int64_t product) noexcept {
 std::int64_t PlausibilityGate::reach(Time dt) const noexcept {
   constexpr Time kFine = std::chrono::seconds(10);  // keeps the product in 63 bits
   constexpr Time kLongest = std::chrono::hours(24);
-  dt = std::min(dt, kLongest);
+  dt = std::clamp(dt, Time{0}, kLongest);
   return dt > kFine ? speed_limit_ * ((dt.count() >> 20) + 1) : (speed_limit_ * dt.count()) >> 20;
 }
 
@@ -59,7 +60,8 @@ PlausibilityGate::Window PlausibilityGate::predict(const Track& track,
   window.dt = reading.latch - track.latch;
   const std::int64_t dt = window.dt.count();
   window.centre = track.raw;
-  window.by_speed = track.length < 2 || dt > memory_;
+  window.by_speed =
+      track.length < 2 || dt > memory_ || dt < 0;  // a clock that goes back says nothing of speeds
   const bool at_any_speed = window.by_speed || reading.uncertainty.count() > dt >> 4;
   const std::int64_t speed = track.speed < 0 ? -track.speed : track.speed;
   window.error =
@@ -100,7 +102,7 @@ void PlausibilityGate::follow(Track& track, const PositionReading& reading, cons
     const std::int64_t spread = window.by_speed ? 0 : (track.speed_doubt * dt) >> kSpeedBits;
     constexpr unsigned kShift = 32 - kSpeedBits;
     track.half_width = static_cast<std::uint32_t>(std::min(doubt + track.doubt + spread, kLargest));
-    track.speed = before + ((off * inverse) >> kShift);
+    track.speed = std::clamp(before + ((off * inverse) >> kShift), -kFastest, kFastest);
     track.speed_error = std::min(((error + track.error) * inverse) >> kShift, kFastest);
     track.speed_doubt = std::min(((doubt + track.doubt) * inverse) >> kShift, kFastest);
     if (track.length < kAgree) ++track.length;

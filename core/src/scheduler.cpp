@@ -39,6 +39,7 @@ std::expected<Scheduler, CycleRefusal> Scheduler::make(const Pattern& pattern, c
     return refuse(Errc::bad_argument, Time{0}, bad);
   if (pattern.slot() > kLongest) return refuse(Errc::bad_argument, kLongest);
   const Time shortest = shortest_slot(pattern, profile, port);
+  if (pattern.slot() < Time{0}) return refuse(Errc::period_below_t1, shortest);
   Pattern complete = pattern;
   if (pattern.slot() == Time{0}) complete.set_slot(shortest);
   for (std::size_t i = 0; i < complete.size(); ++i) {

@@ -70,6 +70,14 @@ TEST_F(BusConfigTest, AMarginBeyondHalfARevolutionIsNoMatterWhereNothingIsUnwrap
   EXPECT_EQ(start_error(), Errc::ok);
 }
 
+TEST_F(BusConfigTest, ASlotBelowZeroIsBelowT1AndNamesTheShortest) {
+  for (const Time slot : {Time{-1}, Time{-1'008'806'316'530'991'104}, Time::min()}) {
+    config.cycle = Pattern(slot, {{DataId::everything, 1, 255}});
+    EXPECT_EQ(start_error(), Errc::period_below_t1) << slot.count();
+    EXPECT_GT(bus->check().error().nearest, Time{0});
+  }
+}
+
 TEST_F(BusConfigTest, ABusWithoutACycleIsJudgedAlike) {
   config.cycle.reset();
   config.max_hold = Time{-1};

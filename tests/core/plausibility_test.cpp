@@ -268,7 +268,7 @@ TEST(PlausibilityGate, ASlowCycleBelievesWhatSpeedAllows) {
 }
 
 TEST(PlausibilityGate, NothingOverflowsAtTheEnds) {
-  for (const unsigned bits : {17U, 23U}) {
+  for (const unsigned bits : {1U, 17U, 23U, 24U}) {
     for (const std::int32_t rpm : {1, AxisConfig::kFastest}) {
       for (const std::int32_t rpm_s : {1, AxisConfig::kSteepest}) {
         PlausibilityGate gate(bits, limits(rpm, rpm_s));
@@ -285,6 +285,18 @@ TEST(PlausibilityGate, NothingOverflowsAtTheEnds) {
         }
       }
     }
+  }
+}
+
+TEST(PlausibilityGate, AReadingFromLongBeforeTheLastOneIsHeldBackWithoutOverflow) {
+  PlausibilityGate gate(23, limits(AxisConfig::kFastest, AxisConfig::kSteepest));
+  for (int k = 0; k < 4; ++k)
+    ASSERT_EQ(gate.judge({0, 10'000 * std::chrono::seconds(1) + k * kPeriod, Time{0}}),
+              GateVerdict::accepted);
+  for (const Time back :
+       {Time{1}, kPeriod, Time(std::chrono::seconds(1)), Time(std::chrono::seconds(9'000))}) {
+    const Time latch = 10'000 * std::chrono::seconds(1) + 3 * kPeriod - back;
+    EXPECT_EQ(gate.judge({0, latch, Time{0}}), GateVerdict::held_back) << back.count();
   }
 }
 
