@@ -33,7 +33,7 @@ TEST_F(CampaignCommand, SaysWhatItHasSeen) {
   const Finished text = run({"campaign", "--cycles", "100000", "--jobs", "1"});
   EXPECT_EQ(text.exit_code, 0) << text.out << text.err;
   EXPECT_NE(text.out.find("no rule is broken"), std::string::npos);
-  const Finished once = run({"campaign", "--cycles", "100000", "--jobs", "2", "--json"});
+  const Finished once = run({"campaign", "--cycles", "1e5", "--jobs", "2", "--json"});
   const Finished again = run({"campaign", "--cycles", "100000", "--jobs", "1", "--json"});
   ASSERT_EQ(once.exit_code, 0) << once.err;
   Json first = Json::parse(once.out);
@@ -63,6 +63,7 @@ TEST_F(CampaignCommand, TakesAPlanAsTextOrFile) {
 
 TEST_F(CampaignCommand, WhatCannotBeIsExitCode2) {
   for (const Process::Arguments& wrong : {Process::Arguments{"--cycles", "0"},
+                                          {"--cycles", "1.5e0"},
                                           {"--cycles", "99999999999999999999999"},
                                           {"--jobs", "0"},
                                           {"--jobs", "257"},

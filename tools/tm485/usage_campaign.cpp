@@ -1,19 +1,39 @@
 #include "usage_campaign.hpp"
 
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <string>
 
 namespace tm485::cli {
 
 namespace {
+
 constexpr std::uint64_t kMostCycles = 1'000'000'000'000'000;
+
+/// "2e8" as people write it: as digits. Whatever is no whole number stays, and is refused as it was typed.
+CLI::Validator plain_number() {
+  return {[](std::string& text) {
+            double value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            const bool whole = error == std::errc{} && end == text.data() + text.size() && value >= 0 &&
+                               value < 1e18 && value == std::floor(value);
+            if (whole && text.find_first_of("eE") != std::string::npos) text = fmt::format("{:.0f}", value);
+            return std::string();
+          },
+          std::string()};
 }
+
+}  // namespace
 
 void add_campaign(CLI::App& root, CampaignCommandOptions& options) {
   CLI::App& app = *root.add_subcommand(
       "campaign",
       "The whole stack in virtual time against the encoder model, with random faults, every cycle judged");
   app.add_option("--cycles", options.cycles, "How many in all (1000000); with --replay: of the one run")
+      ->transform(plain_number())
       ->check(CLI::Range(std::uint64_t{1}, kMostCycles));
   app.add_option("--seed", options.seed, "The same seed does the same again")
       ->check([](const std::string& text) {
@@ -40,7 +60,7 @@ void add_campaign(CLI::App& root, CampaignCommandOptions& options) {
       "a plan that is as small as possible. Exit code 1 if a rule was broken. docs/fault-plans.md has the "
       "faults.\n"
       "Examples:\n"
-      "  tm485 campaign --cycles 100000000\n"
+      "  tm485 campaign --cycles 1e8\n"
       "  tm485 campaign --plan 'bits replies=1e-4; restart at=100ms' --seed 7\n"
       "  tm485 campaign --replay 1:42 --vcd failure.vcd");
 }
