@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <expected>
+#include <memory>
 #include <span>
 
 #include "tm485/bus/eeprom.hpp"
@@ -147,13 +148,12 @@ class UsesTheHeap : public TwinPort {
  public:
   using TwinPort::TwinPort;
   [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
-    delete[] kept_;
-    kept_ = new char[request.size()];
+    kept_ = std::make_unique<char[]>(request.size());
     return good_->try_send(request, now);
   }
 
  private:
-  char* kept_ = nullptr;
+  std::unique_ptr<char[]> kept_;
 };
 
 /// Selects a page and goes on as if it stayed selected: after a restart of the encoder it is another one.
