@@ -86,7 +86,8 @@ bool PlausibilityGate::reachable(const Track& track, const PositionReading& read
 }
 
 /// Goes on from a reading that is inside the window.
-void PlausibilityGate::follow(Track& track, const PositionReading& reading, const Window& window) noexcept {
+void PlausibilityGate::follow(Track& track, const PositionReading& reading,
+                              const Window& window) const noexcept {
   constexpr std::int64_t kShortest = 1'000;  // ns
   const std::int64_t off = reading.raw - window.centre;
   const std::int64_t doubt = std::min((off < 0 ? -off : off) + window.half, kLargest);

@@ -138,7 +138,7 @@ std::expected<MmioUart, OsError> MmioUart::open(const MmioOptions& options) {
 MmioUart& MmioUart::operator=(MmioUart&& other) noexcept {
   if (this == &other) return *this;
   close();
-  MmioPort::operator=(std::move(other));
+  MmioPort::operator=(static_cast<MmioPort&&>(other));  // the part of it that is the port
   mapping_ = std::move(other.mapping_);
   divisor_ = other.divisor_;
   return *this;

@@ -93,7 +93,7 @@ FaultPlayer::FaultPlayer(const FaultPlan& plan, std::uint64_t seed, const Stage&
 
 FaultPlayer::~FaultPlayer() = default;
 
-void FaultPlayer::make_hook(Fault& fault, std::uint64_t seed) {
+void FaultPlayer::make_hook(Fault& fault, std::uint64_t seed) const {
   const auto& value = fault.line.values;
   const Time character = stage_.character_time;
   const auto time = [](double ns) { return Time{std::llround(ns)}; };

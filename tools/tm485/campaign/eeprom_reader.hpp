@@ -43,7 +43,7 @@ class EepromReader {
   [[nodiscard]] bool ok() const noexcept { return ok_; }
 
  private:
-  static constexpr std::size_t kMostBytes = 7 * 127;
+  static constexpr std::size_t kMostBytes = std::size_t{7} * 127;
   static constexpr std::size_t kMostAtOnce = 24;
 
   /// Each piece by a manager of its own, which knows nothing of the page that the one before has selected.

@@ -84,7 +84,7 @@ class FaultPlayer final : public FaultHook {
     Time on_until{0};  // likewise: until then the one before is not over
   };
 
-  void make_hook(Fault& fault, std::uint64_t seed);
+  void make_hook(Fault& fault, std::uint64_t seed) const;
   void look_at_windows(Time now) noexcept;
   void switch_state(Fault& fault, bool on, Time now) noexcept;
   void distort(Time now) noexcept;
