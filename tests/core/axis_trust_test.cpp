@@ -117,6 +117,26 @@ TEST_F(AxisTrust, ReReferencingIsNoLicenceForADiscontinuity) {
   EXPECT_EQ(torque_offs, 1);
 }
 
+TEST_F(AxisTrust, ARestartBehindADiscontinuityStillWantsSomebodyToResume) {
+  setup.bus.axis.after_restart = Continuity::re_reference;
+  begin_running();
+  encoder.abm = 3;
+  run(ms(5));
+  ASSERT_FALSE(read().usable());
+  encoder.abm = 1;
+  run(ms(50));
+  ASSERT_EQ(axis->bus().statistics().restarts, 1U);
+  EXPECT_FALSE(read().usable()) << "nobody has looked at the step yet";
+  EXPECT_EQ(command(Command::Kind::resume), Errc::ok);
+  EXPECT_TRUE(read().usable());
+  encoder.abm = 9;  // a step that is resumed leaves the policy as it was
+  run(ms(5));
+  EXPECT_EQ(command(Command::Kind::resume), Errc::ok);
+  encoder.abm = 1;
+  run(ms(50));
+  EXPECT_TRUE(read().usable());
+}
+
 TEST_F(AxisTrust, TheLoopSeesLinkAndLatchedAlarms) {
   begin_running();
   EXPECT_EQ(axis->client().view().link, LinkState::good);

@@ -91,6 +91,7 @@ class Axis {
   Continuity after_restart_;
   std::uint32_t startups_ = 0;         ///< that have been seen
   std::uint32_t discontinuities_ = 0;  ///< likewise
+  bool jumped_ = false;                ///< at one of them, and nobody has resumed since
   Time fresh_until_{0};
   Time valid_until_{0};
   std::uint32_t ticks_ = 0;

@@ -94,6 +94,7 @@ Errc Axis<P>::resume(Time now) noexcept {
     return Errc::bad_state;
   validity_.resume();
   validity_.on_good();
+  jumped_ = false;
   ++resumed_;
   changed_ = true;
   return Errc::ok;
@@ -182,10 +183,12 @@ void Axis<P>::on_jump(const Sample& sample, Time now) noexcept {
   if (const std::uint32_t startups = bus_.statistics().startups; startups != startups_) {
     startups_ = startups;
     discontinuities_ = sample.discontinuities();
-    if (after_restart_ == Continuity::re_reference && validity_.resume()) ++resumed_;
+    // A step before it is for somebody to look at: no restart explains it away.
+    if (after_restart_ == Continuity::re_reference && !jumped_ && validity_.resume()) ++resumed_;
   }
   if (sample.discontinuities() == discontinuities_) return;
   discontinuities_ = sample.discontinuities();
+  jumped_ = true;
   if (estimator_) estimator_->reset();
   validity_.on_lost(now);
 }

@@ -64,10 +64,11 @@ void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept
   failed_in_a_row_ = 0;
   last_good_ = now;
   saturating_increment(statistics_.good);
+  const StatusSet status = reply.frame().status();
   const bool all = reply.frame().id() == DataId::everything;
-  alarms_.on_reply(reply.frame().status(), all ? StatusSet(0xFF, 0xFF) : StatusSet(0xFF, 0));
+  alarms_.on_reply(status, all ? StatusSet(0xFF, 0xFF) : StatusSet(0xFF, 0));
   link_.on_good();
-  if (!(reply.frame().status() & profile_->profile().reserved_status).empty())
+  if (!(status & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
   if (alarm == AlarmLevel::warning) saturating_increment(statistics_.warnings);
   if (alarm == AlarmLevel::fault) saturating_increment(statistics_.faults);
