@@ -50,6 +50,7 @@ FIRST = {
     "profile_compile": ["core/profile_test", "core/frame_test"],
     "bus": ["core/bus_test", "core/bus_accounts_test"],
     "bus_poll": ["core/bus_test", "core/bus_accounts_test", "core/bus_limits_test"],
+    "bus_reply": ["core/bus_test", "core/bus_accounts_test", "core/bus_limits_test"],
     "bus_states": ["core/bus_test", "core/bus_accounts_test", "core/bus_limits_test"],
     "axis": ["core/axis_test", "core/axis_edges_test"],
     "axis_client": ["core/axis_test", "core/axis_edges_test"],

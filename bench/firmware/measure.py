@@ -35,6 +35,7 @@ PARTS = {
     "servo_lock": "scheduler",
     "time": "scheduler",
     "plausibility": "position",
+    "sample": "position",
     "link_health": "statistics",
     "position_tracker": "position",
     "axis_client": "axis",

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "broken_ports.hpp"
-#include "counted_heap.hpp"
+#include "support/counted_heap.hpp"
 
 namespace tm485::cli::campaign {
 namespace {

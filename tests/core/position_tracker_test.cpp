@@ -13,6 +13,13 @@
 namespace tm485 {
 namespace {
 
+TEST(Quality, HasAName) {
+  EXPECT_EQ(name(Quality::invalid), "invalid");
+  EXPECT_EQ(name(Quality::held), "held");
+  EXPECT_EQ(name(Quality::extrapolated), "extrapolated");
+  EXPECT_EQ(name(Quality::fresh), "fresh");
+}
+
 using test::Bytes;
 using test::compiled;
 using test::error_of;

@@ -2,43 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <atomic>
-#include <cstdlib>
 #include <new>
 
+#include "support/counted_heap.hpp"
 #include "support/profiles.hpp"
 #include "tm485/bus/bus.hpp"
-
-namespace {
-std::atomic<std::uint64_t> allocations{0};
-
-void* counted(std::size_t size) {
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  void* const memory = std::malloc(size == 0 ? 1 : size);
-  if (memory == nullptr) std::abort();
-  return memory;
-}
-void* counted(std::size_t size, std::align_val_t alignment) {
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  const auto align = static_cast<std::size_t>(alignment);
-  void* const memory = std::aligned_alloc(align, (size + align - 1) / align * align);
-  if (memory == nullptr) std::abort();
-  return memory;
-}
-}  // namespace
-
-void* operator new(std::size_t size) { return counted(size); }
-void* operator new[](std::size_t size) { return counted(size); }
-void* operator new(std::size_t size, std::align_val_t alignment) { return counted(size, alignment); }
-void* operator new[](std::size_t size, std::align_val_t alignment) { return counted(size, alignment); }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete[](void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
 
 namespace tm485 {
 namespace {
@@ -93,10 +61,10 @@ class FixedPort {
 };
 
 TEST(NoHeap, TheCounterCounts) {
-  const std::uint64_t before = allocations;
+  const std::uint64_t before = test::allocations_of_this_thread();
   ::operator delete(
       ::operator new(sizeof(int)));  // a call, where `delete new int` may be left out by the compiler
-  EXPECT_GE(allocations - before, 1U);
+  EXPECT_GE(test::allocations_of_this_thread() - before, 1U);
 }
 
 TEST(NoHeap, ABusRunsAHundredThousandCyclesWithoutOneAllocation) {
@@ -105,7 +73,7 @@ TEST(NoHeap, ABusRunsAHundredThousandCyclesWithoutOneAllocation) {
   Time now{0};
   BusConfig config;
   config.cycle = Cycle{DataId::everything, Time{125'000}};
-  const std::uint64_t before = allocations;
+  const std::uint64_t before = test::allocations_of_this_thread();
   Bus<FixedPort> bus(port, profile, config);
   const bool started = bus.start(now).has_value();
   std::uint32_t background = 0;
@@ -120,7 +88,7 @@ TEST(NoHeap, ABusRunsAHundredThousandCyclesWithoutOneAllocation) {
     (void)bus.latest();
     if (bus.statistics().cycles >= 50'000 && bus.statistics().restarts == 0) bus.on_restart(now);
   }
-  const std::uint64_t made = allocations - before;
+  const std::uint64_t made = test::allocations_of_this_thread() - before;
   EXPECT_EQ(made, 0U);
   EXPECT_TRUE(started);
   EXPECT_GT(bus.statistics().good, 90'000U);

@@ -24,20 +24,6 @@ std::string_view unit_name(Units units) {
 
 }  // namespace
 
-std::string_view name(Quality quality) noexcept {
-  switch (quality) {
-    case Quality::fresh:
-      return "fresh";
-    case Quality::held:
-      return "held";
-    case Quality::extrapolated:
-      return "extrapolated";
-    case Quality::invalid:
-      break;
-  }
-  return "invalid";
-}
-
 Units units_of(std::string_view text) noexcept {
   return text == "rev" ? Units::rev : text == "deg" ? Units::deg : Units::counts;
 }

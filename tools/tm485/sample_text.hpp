@@ -11,9 +11,6 @@
 
 namespace tm485::cli {
 
-/// "fresh", "held", "extrapolated", "invalid".
-[[nodiscard]] std::string_view name(Quality quality) noexcept;
-
 /// counts, rev or deg; any other text is counts.
 [[nodiscard]] Units units_of(std::string_view text) noexcept;
 

@@ -11,20 +11,6 @@ namespace {
 
 constexpr unsigned kDataBits = 8;
 
-std::string_view name_of(Quality quality) {
-  switch (quality) {
-    case Quality::fresh:
-      return "fresh";
-    case Quality::held:
-      return "held";
-    case Quality::extrapolated:
-      return "extrapolated";
-    case Quality::invalid:
-      break;
-  }
-  return "invalid";
-}
-
 std::string bytes_of(const sim::Burst& burst) {
   std::string text;
   for (unsigned k = 0; k < burst.count; ++k)
@@ -157,7 +143,7 @@ std::string Recorder::table() const {
     out += fmt::format("{:>8} {:>14.3f} {:<10} {:<34} {:<34} {:<20} {:<8} {:>12} {:>10} {}{}\n",
                        exchange.cycle, static_cast<double>(exchange.record.start.count()) * 1e-3,
                        kKinds[static_cast<std::size_t>(exchange.record.kind)], request, reply,
-                       describe(exchange.record.result).name, name_of(exchange.sample.quality()),
+                       describe(exchange.record.result).name, name(exchange.sample.quality()),
                        known ? fmt::format("{}", exchange.sample.position()) : "-",
                        known ? fmt::format("{}", exchange.sample.position() - exchange.truth) : "-",
                        exchange.changed   ? "changed"

@@ -302,4 +302,5 @@ class Bus {
 }  // namespace tm485
 
 #include "tm485/bus/bus_poll.hpp"    // IWYU pragma: export
+#include "tm485/bus/bus_reply.hpp"   // IWYU pragma: export
 #include "tm485/bus/bus_states.hpp"  // IWYU pragma: export

@@ -1,4 +1,4 @@
-// Bodies of Bus, second half: what the verdict of an exchange means for the state. Included by bus.hpp.
+// Bodies of Bus, third part: what the verdict of an exchange means for the state. Included by bus.hpp.
 #pragma once
 
 #include <algorithm>

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 #include <type_traits>
 
 #include "tm485/protocol/control_field.hpp"
@@ -19,6 +20,9 @@ enum class Quality : std::uint8_t {
   extrapolated,  ///< computed for a later instant than its latch time
   fresh,         ///< from this cycle's reply
 };
+
+/// "invalid", "held", "extrapolated", "fresh".
+[[nodiscard]] std::string_view name(Quality quality) noexcept;
 
 /// At most 64 bytes and trivially copyable, so that it crosses threads in one piece.
 /// All accessors: any thread or interrupt, constant time.

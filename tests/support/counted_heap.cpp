@@ -1,4 +1,4 @@
-#include "counted_heap.hpp"
+#include "support/counted_heap.hpp"
 
 #include <cstdlib>
 #include <new>
