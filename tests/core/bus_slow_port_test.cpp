@@ -123,6 +123,36 @@ TEST_F(BusSlowPort, AfterAFailedExchangeNothingIsSentForOneLatencyAllowance) {
   }
 }
 
+// The last good reply was latched long before it was seen. An encoder that restarts right behind it is silent for a whole boot
+// time, and seen to be silent for less.
+TEST_F(BusSlowPort, ARestartBehindALateReplyDoesNotGoUnnoticed) {
+  port.be_slow(ms(6));
+  config.cycle = Cycle{DataId::everything, ms(1)};
+  config.lost_after = ms(500);
+  bool armed = false;
+  std::optional<Time> last;
+  Time silent_until{0};
+  hook = [&](const Bytes& request, Time start, ScriptedPort::Answer& answer) {
+    turn(request, start, answer);
+    if (!armed) return;
+    if (!last) {
+      last = start;
+      silent_until = start + profile->profile().boot_time_min + us(100);
+      answer.late = us(5'900);
+    } else if (start < silent_until) {
+      answer.bytes.clear();
+    }
+  };
+  begin_running();
+  run_cycles(3);
+  armed = true;
+  ASSERT_FALSE(driver.run(*bus, port, driver.now + ms(200), [] { return false; }));
+  ASSERT_TRUE(last);
+  EXPECT_EQ(bus->state(), BusState::running);
+  EXPECT_EQ(bus->statistics().startups, 2U);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+}
+
 // The start is an estimate, the reply comes late: the sample says how much that can matter.
 TEST_F(BusSlowPort, TheUncertaintyOfASampleCoversTheTrueLatch) {
   test::Rng rng(81);

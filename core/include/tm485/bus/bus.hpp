@@ -291,7 +291,7 @@ class Bus {
   std::uint8_t resets_in_a_row_ = 0;   ///< without a cyclic request between them
   std::uint32_t patience_ = 0;         ///< slots that what is waiting may wait
   std::uint32_t to_steal_ = 0;         ///< cyclic slots until one may be stolen again
-  Time last_good_{0};                  ///< when the last good cycle or start-up was seen
+  Time last_good_{0};                  ///< when the last good cycle, or frame of start-up, was latched
   std::uint32_t discontinuities_ = 0;  ///< that statistics_ has counted
   Statistics statistics_;
   CycleRecord record_;

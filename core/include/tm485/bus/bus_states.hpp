@@ -62,7 +62,7 @@ template <Port P>
 template <Port P>
 void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept {
   failed_in_a_row_ = 0;
-  last_good_ = now;
+  last_good_ = latch_time();
   saturating_increment(statistics_.good);
   const StatusSet status = reply.frame().status();
   const bool all = reply.frame().id() == DataId::everything;
@@ -126,7 +126,7 @@ void Bus<P>::after_startup_step(Time now) noexcept {
   saturating_increment(statistics_.startups);
   startup_error_.reset();
   failed_in_a_row_ = 0;
-  last_good_ = now;
+  last_good_ = latch_time();
   cyclic_start_.reset();
   state_ = BusState::running;
   tracker_.found(sample_gap());
