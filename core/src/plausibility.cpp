@@ -29,6 +29,7 @@ void PlausibilityGate::expect_every(Time gap) noexcept {
   constexpr std::int64_t kReadings = 4;  // the errors of those that make a window
   const std::int64_t ns = gap.count();
   narrow_ = ns > 0 && ns <= memory_ && 2 * (bend(ns, ns) + kReadings) <= fine_;
+  if (track_.span > 2 * ns) missed_ = kFewMissed;
 }
 
 /// Of a reading, in half counts: it says which count the shaft is in, and is as much older or younger as makes `turned`.

@@ -49,7 +49,8 @@ class PlausibilityGate {
   [[nodiscard]] GateVerdict judge(const PositionReading& reading) noexcept;
 
   /// Readings are wanted every `gap` from now on; 0: at no fixed time. Where a gap is so short that the next reading has a
-  /// narrow window, one that comes in a wide window behind kFewMissed failed ones is not believed by itself.
+  /// narrow window, one that comes in a wide window is not believed by itself: behind kFewMissed failed ones, or if the last
+  /// two are further apart than two gaps (start-up, which has waited for a lost frame).
   void expect_every(Time gap) noexcept;
   /// A reading was asked for, and none has come.
   void missed() noexcept {

@@ -49,7 +49,8 @@ class Sample {
   /// ± of the latch time.
   [[nodiscard]] constexpr Time latch_uncertainty() const noexcept { return Time(latch_uncertainty_ns_); }
   /// By how much `position` can be wrong, in counts: this is where the shaft was at `latch_time`, give or take so much, even
-  /// if wrong bits have passed every check. With right bits it is right to a count and what the shaft turns in
+  /// if wrong bits have passed every check, in this reply and in each of the two before; behind an outage in one of those that
+  /// ended it (docs/adr/0013). With right bits it is right to a count and what the shaft turns in
   /// `latch_uncertainty`.
   [[nodiscard]] constexpr std::uint32_t half_width() const noexcept { return half_width_; }
   /// Counts the times that the shaft was found where it cannot have come to (a slipped coupling, a zero reset, a restart that
