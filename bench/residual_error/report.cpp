@@ -95,9 +95,10 @@ void print_table(const std::vector<Result>& results, const Counts& clean) {
         frames, n.crc_wrong, counted(n.crc_wrong), n.crc_dangerous, n.strict_wrong, counted(n.strict_wrong),
         n.strict_dangerous, n.gate_wrong, n.gate_dangerous, clopper_pearson(n.gate_dangerous, n.frames).high);
     std::printf("  fresh %.4f of the frames, largest error %" PRIu64 " counts, beyond the half-width %" PRIu64
-                ", held back %" PRIu64 ", start-ups %" PRIu64 ", discontinuities %" PRIu64 "; put in %" PRIu64
-                " and %" PRIu64 "\n",
-                counted(n.fresh), n.largest, n.beyond + s.beyond + r.start_up.beyond, n.held_back, n.startups,
+                " (with more wrong readings than it counts: %" PRIu64 "), held back %" PRIu64
+                ", start-ups %" PRIu64 ", discontinuities %" PRIu64 "; put in %" PRIu64 " and %" PRIu64 "\n",
+                counted(n.fresh), n.largest, n.beyond + s.beyond + r.start_up.beyond,
+                n.beyond_by_more + s.beyond_by_more + r.start_up.beyond_by_more, n.held_back, n.startups,
                 n.discontinuities, s.forced, r.start_up.forced);
   }
   std::printf("\nclean line, one frame in ten missing, at the greatest speed and acceleration, %" PRIu64
@@ -146,6 +147,8 @@ void print_json(const std::vector<Result>& results, const Counts& clean) {
     count("gate_dangerous", n.gate_dangerous);
     count("largest_error", n.largest);
     count("beyond_half_width", n.beyond + r.steady.beyond + r.start_up.beyond);
+    count("beyond_by_more_wrong_readings",
+          n.beyond_by_more + r.steady.beyond_by_more + r.start_up.beyond_by_more);
     count("held_back", n.held_back);
     count("startups", n.startups);
     count("discontinuities", n.discontinuities);

@@ -1,6 +1,7 @@
 #include "run.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <expected>
@@ -143,12 +144,42 @@ void judge_bytes(const Encoder& encoder, Counts& counts) {
   }
 }
 
-void judge_sample(const Encoder& encoder, const tm485::Sample& sample, Counts& counts) {
+/// The readings that a sample came of, as far as strict parsing let them pass.
+class Readings {
+ public:
+  void add(const Encoder& encoder, Errc result) {
+    if (result != Errc::ok && result != Errc::position_implausible) return;
+    const bool wrong = apart(read_position(encoder.received()), encoder.sent()) != 0;
+    wrong_ = wrong_ << 1 | (wrong ? 1U : 0U);
+    if (result == Errc::ok) {
+      behind_row_ = in_row_ ? 0 : std::min(behind_row_ + 1, kReach);
+    }
+    in_row_ = result != Errc::ok;
+  }
+  /// More of them are wrong than the half-width of the newest counts: one in each of three, or one of a row that had to agree
+  /// before the first was believed again.
+  [[nodiscard]] bool too_many_wrong() const {
+    constexpr std::uint32_t kThreeAndOneMore = 0xF;
+    constexpr std::uint32_t kRowAndTwoMore = 0x3F;
+    return behind_row_ < kReach ? std::popcount(wrong_ & kRowAndTwoMore) > 1
+                                : std::popcount(wrong_ & kThreeAndOneMore) > 3;
+  }
+
+ private:
+  static constexpr int kReach = 3;
+  std::uint32_t wrong_ = 0;  ///< the newest in bit 0
+  int behind_row_ = kReach;
+  bool in_row_ = false;
+};
+
+void judge_sample(const Encoder& encoder, const tm485::Sample& sample, const Readings& readings,
+                  Counts& counts) {
   ++counts.fresh;
   const std::int64_t off = apart(sample.position(), encoder.sent());
   // The shaft was somewhere within a count.
   const auto truth = static_cast<std::int64_t>(std::floor(encoder.truth()));
-  if (apart(sample.position(), truth) > std::int64_t{sample.half_width()} + 1) ++counts.beyond;
+  if (apart(sample.position(), truth) > std::int64_t{sample.half_width()} + 1)
+    ++(readings.too_many_wrong() ? counts.beyond_by_more : counts.beyond);
   const bool dangerous = off > kDangerous;
   if (encoder.forced()) {
     ++counts.forced_wrong;
@@ -164,11 +195,12 @@ void judge_sample(const Encoder& encoder, const tm485::Sample& sample, Counts& c
 }  // namespace
 
 void Counts::add(const Counts& other) {
-  for (auto member : {&Counts::frames, &Counts::changed, &Counts::fresh, &Counts::crc_wrong,
-                      &Counts::crc_dangerous, &Counts::strict_wrong, &Counts::strict_dangerous,
-                      &Counts::gate_wrong, &Counts::gate_dangerous, &Counts::position_wrong, &Counts::beyond,
-                      &Counts::forced, &Counts::forced_wrong, &Counts::forced_dangerous, &Counts::mismatch,
-                      &Counts::held_back, &Counts::discontinuities, &Counts::startups})
+  for (auto member :
+       {&Counts::frames, &Counts::changed, &Counts::fresh, &Counts::crc_wrong, &Counts::crc_dangerous,
+        &Counts::strict_wrong, &Counts::strict_dangerous, &Counts::gate_wrong, &Counts::gate_dangerous,
+        &Counts::position_wrong, &Counts::beyond, &Counts::beyond_by_more, &Counts::forced,
+        &Counts::forced_wrong, &Counts::forced_dangerous, &Counts::mismatch, &Counts::held_back,
+        &Counts::discontinuities, &Counts::startups})
     this->*member += other.*member;
   largest = std::max(largest, other.largest);
 }
@@ -185,6 +217,7 @@ Counts run(const Plan& plan) {
   constexpr std::uint32_t kApart = 48;
   constexpr std::uint32_t kAfterRestart = 16;
   std::uint64_t restart_at = 0;
+  Readings readings;
   encoder.force_in(kApart);
   std::uint32_t records = bus.record_count();
   while (encoder.frames() < plan.frames) {
@@ -196,8 +229,9 @@ Counts run(const Plan& plan) {
         ++counts.frames;
         if (encoder.changed()) [[unlikely]]
           judge_bytes(encoder, counts);
+        readings.add(encoder, record.result);
         if (record.kind == tm485::CycleRecord::Kind::cyclic && record.result == Errc::ok)
-          judge_sample(encoder, bus.latest(), counts);
+          judge_sample(encoder, bus.latest(), readings, counts);
         if (record.result == Errc::position_implausible) ++counts.held_back;
         if (encoder.forced() && plan.forced == Forced::steady)
           encoder.force_in(kApart + encoder.random().below(32));

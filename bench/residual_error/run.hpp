@@ -37,8 +37,10 @@ struct Counts {
   std::uint64_t strict_wrong = 0, strict_dangerous = 0;
   std::uint64_t gate_wrong = 0, gate_dangerous = 0;
   std::uint64_t position_wrong = 0;  ///< of the gate's: with any error of the position
-  std::uint64_t beyond = 0;          ///< samples that are off by more than the half-width stated with them
-  std::uint64_t largest = 0;         ///< greatest error of a sample, counts
+  /// Samples that are off by more than the half-width stated with them; `_by_more`: with more wrong readings behind it than
+  /// the half-width counts (docs/adr/0013-plausibility-gate.md).
+  std::uint64_t beyond = 0, beyond_by_more = 0;
+  std::uint64_t largest = 0;  ///< greatest error of a sample, counts
   // Patterns that were put in.
   std::uint64_t forced = 0, forced_wrong = 0, forced_dangerous = 0;
   std::uint64_t mismatch =

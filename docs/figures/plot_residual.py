@@ -93,8 +93,8 @@ def table(lines):
         cells = [cell(line[name]) for name in columns]
         print(f"| {line['line']} | " + " | ".join(cells) + f" | {line['fewer_than_strict']:.2g} |")
     names = ("frames", "changed", "fresh", "crc_wrong", "crc_dangerous", "strict_wrong", "strict_dangerous", "gate_wrong",
-             "gate_dangerous", "largest_error", "beyond_half_width", "held_back", "discontinuities", "put_in",
-             "put_in_dangerous", "put_in_start_up", "put_in_start_up_dangerous")  # fmt: skip
+             "gate_dangerous", "largest_error", "beyond_half_width", "beyond_by_more_wrong_readings",
+             "held_back", "discontinuities", "put_in", "put_in_dangerous", "put_in_start_up", "put_in_start_up_dangerous")  # fmt: skip
     print()
     print("| counted | " + " | ".join(line["line"] for line in lines) + " |")
     print("|---|" + "--:|" * len(lines))
