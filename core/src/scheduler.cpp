@@ -191,7 +191,14 @@ void Scheduler::next_step() noexcept {
 
 std::uint32_t Scheduler::pass(Time until) noexcept {
   std::uint64_t passed = 0;
-  if (until - slot_ > length_) {
+  if (!uniform_ && !locked_ && !in_epoch_) {
+    // Nobody counts on a step's place in time: slots fall out, and no step does. Otherwise a line that loses as many slots
+    // at a time as the pattern has steps, less one, would never get beyond one of them.
+    const Time slot = pattern_.slot();
+    const std::int64_t slots = whole_in(until - slot_ + slot - Time{1}, slot);
+    slot_ += slot * slots;
+    passed = static_cast<std::uint64_t>(slots);
+  } else if (until - slot_ > length_) {
     const std::int64_t patterns = whole_in(until - slot_, length_);
     passed = static_cast<std::uint64_t>(patterns) * pattern_.size();
     slot_ += length_ * patterns;

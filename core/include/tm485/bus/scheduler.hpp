@@ -135,7 +135,8 @@ class Scheduler {
   }
   void next_step() noexcept;
   void load_step() noexcept;
-  /// Cold: leaves out what lies before `until`; answers how many slots.
+  /// Cold: leaves out what lies before `until`; answers how many slots. In phase with an epoch or a servo clock their steps
+  /// fall out too; else they follow in order.
   [[nodiscard]] std::uint32_t pass(Time until) noexcept;
 
   Time slot_{0};
