@@ -20,6 +20,7 @@ constexpr std::size_t kMostPolls = 20'000;
 constexpr std::size_t kMostRequests = 400;  ///< of the script; then the line is good
 constexpr Time kRecovery = std::chrono::seconds(3);
 constexpr Time kCharacter{4'000};
+constexpr Time kCycle{62'500};
 
 /// The scripted port, with a record of what it has handed out since the last request.
 class Recorder {
@@ -69,7 +70,10 @@ class Play {
   const test::SlowProfile* slow_ = nullptr;
   Profile profile_;
   std::optional<CompiledProfile> compiled_;
-  std::uint32_t step_ = 0;  ///< by which the shaft turns from one request to the next
+  std::uint32_t step_ =
+      0;  ///< by which the shaft turns in kCycle, counts: evenly, or its acceleration would have no bound
+  Time turned_at_{0};
+  std::int64_t turned_ = 0;  ///< since then less than a count, in counts / kCycle
   Time now_{0};
   std::uint32_t sequence_ = 0;
   std::size_t checked_ = 0;
@@ -80,7 +84,10 @@ class Play {
 
 void Play::answer(const test::Bytes& request, Time start, test::ScriptedPort::Answer& answer) {
   const std::uint32_t range = std::uint32_t{1} << profile_.single_turn_bits;
-  encoder_.abs = (encoder_.abs + step_) % range;
+  turned_ += (start - turned_at_).count() * step_;
+  turned_at_ = start;
+  encoder_.abs = static_cast<std::uint32_t>((encoder_.abs + turned_ / kCycle.count()) % range);
+  turned_ %= kCycle.count();
   answer.bytes = encoder_.reply(request);
   if (recorder_.port.sent.size() > kMostRequests || input_.empty()) return;
   const auto at = [&] { return answer.bytes.empty() ? 0U : input_.u8() % answer.bytes.size(); };
