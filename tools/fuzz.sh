@@ -4,6 +4,8 @@
 #
 #   tools/fuzz.sh [--seconds N | --runs N] [TARGET...]   N seconds in all, shared evenly, 60 by default; or N executions
 #                                                        of each target; all targets by default
+#   tools/fuzz.sh --seed S ...                           not by chance, and from the corpora of the tree only
+#   tools/fuzz.sh --plain ...                            without sanitizers and value profile: many more executions
 #   tools/fuzz.sh --list                                 the targets
 #   tools/fuzz.sh --replay TARGET FILE...                runs files, for example one that a fuzzer has kept
 #
@@ -15,7 +17,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 all=(frame reply request exchange bus c sim_options image journal profile arguments)
-seconds=60 runs=0 targets=()
+seconds=60 runs=0 seed=0 preset=asan profile=1 targets=()
 number() { [[ ${1:-} =~ ^[1-9][0-9]*$ ]] || { printf 'fuzz: expected a number, got "%s"\n' "${1:-}" >&2 && exit 2; }; }
 known() { [[ " ${all[*]} " == *" ${1:-} "* ]] || { printf 'fuzz: no target "%s"; there are: %s\n' "${1:-}" "${all[*]}" >&2 && exit 2; }; }
 replay=""
@@ -25,6 +27,8 @@ while (($#)); do
     --list) printf '%s\n' "${all[@]}" && exit 0 ;;
     --seconds) number "${2:-}" && seconds=$2 && shift 2 ;;
     --runs) number "${2:-}" && runs=$2 && shift 2 ;;
+    --seed) number "${2:-}" && seed=$2 && shift 2 ;;
+    --plain) preset=fuzz profile=0 && shift ;;
     --replay) known "${2:-}" && replay=$2 && shift 2 && break ;;
     *) known "$1" && targets+=("$1") && shift ;;
   esac
@@ -33,12 +37,12 @@ done
 [[ -z $replay ]] || targets=("$replay")
 
 tools/setup.sh run check
-build fuzz "${targets[@]/#/tm485_fuzz_}"
+build "$preset" "${targets[@]/#/tm485_fuzz_}"
 
 export ASAN_OPTIONS=allocator_may_return_null=0:detect_stack_use_after_return=0
 export UBSAN_OPTIONS=print_stacktrace=1
 export LSAN_OPTIONS="suppressions=$root/tests/lsan.supp:print_suppressions=0"
-programs=build/fuzz/tests/fuzz crashes=build/fuzz/crashes logs=build/fuzz/logs
+programs=build/$preset/tests/fuzz crashes=build/fuzz/crashes logs=build/fuzz/logs
 mkdir -p "$crashes" "$logs"
 
 if [[ -n $replay ]]; then
@@ -51,10 +55,11 @@ one() {
   shift
   local log=$logs/$target.log found=build/fuzz/corpus/$target longest=1024
   [[ $target != image && $target != journal && $target != profile ]] || longest=8192
+  ((seed == 0)) || { found=build/fuzz/seed-$seed/$target && rm -rf "$found"; }
   mkdir -p "$found"
   # -timeout: one input for longer than 10 s counts as a failure too. -malloc_limit_mb: so does a single huge request.
-  "$programs/tm485_fuzz_$target" "$@" -max_len="$longest" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=256 \
-    -print_final_stats=1 -artifact_prefix="$crashes/$target-" -use_value_profile=1 -close_fd_mask=1 \
+  "$programs/tm485_fuzz_$target" "$@" -seed="$seed" -max_len="$longest" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=256 \
+    -print_final_stats=1 -artifact_prefix="$crashes/$target-" -use_value_profile="$profile" -close_fd_mask=1 \
     "$found" "tests/fuzz/corpus/$target" >"$log" 2>&1 || status=$?
   local executions rate
   executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
@@ -67,7 +72,7 @@ one() {
   }
 }
 export -f one
-export programs crashes logs
+export programs crashes logs seed profile
 if ((runs)); then
   limit=(-runs="$runs")
 else

@@ -83,10 +83,9 @@ prepare_amd64() {
   local status=0
   tools/libgpiod2.sh build/libgpiod2 || status=$?
   ((status != 77)) || return 0
-  ((status == 0)) && build_into build/vm-gpiod2 tm485_vm_gpio_line -DTM485_BUILD_TOOLS=OFF \
-    -DTM485_LIBGPIOD_ROOT=build/libgpiod2 &&
-    cp build/vm-gpiod2/tests/vm/tm485_vm_gpio_line{,2} &&
-    amd64_programs+=(build/vm-gpiod2/tests/vm/tm485_vm_gpio_line2)
+  ((status == 0)) && build gpiod2 tm485_vm_gpio_line &&
+    cp build/gpiod2/tests/vm/tm485_vm_gpio_line{,2} &&
+    amd64_programs+=(build/gpiod2/tests/vm/tm485_vm_gpio_line2)
 }
 
 # ttyS0 is the console. The two ends of one socket cross the lines of ttyS1 and ttyS2.
