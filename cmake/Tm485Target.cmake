@@ -8,7 +8,7 @@ function(tm485_target target)
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
   target_compile_features(${target} PUBLIC cxx_std_23)
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow
-    $<$<CXX_COMPILER_ID:Clang>:-Wreserved-identifier>)
+    $<$<COMPILE_LANG_AND_ID:CXX,Clang>:-Wreserved-identifier>)
   if(TM485_WERROR)
     target_compile_options(${target} PRIVATE -Werror)
   endif()

@@ -149,9 +149,9 @@ about[cost]="instructions, flash, RAM and stack of the core on Cortex-M, against
 step_cost() { bench/firmware/report.py --self-test && bench/firmware/report.py; }
 
 # What optimisation may change is here; the rest is built by the same compiler, with the same warnings, in asan.
-about[clang]="Clang 19, optimised: the benchmarks, and the tests of core, registers and lines"
+about[clang]="Clang 19, optimised: the benchmarks, and the tests of core, lock-free types and registers"
 step_clang() {
-  local targets=(tm485_bench) part parts=(core c conformance integration mcu sim sync)
+  local targets=(tm485_bench) part parts=(core integration mcu sync)
   for part in "${parts[@]}"; do targets+=("tm485_tests_$part"); done
   build clang-dev "${targets[@]}" && tests_of clang-dev --label-regex "^($(IFS='|' && printf %s "${parts[*]}"))\$"
 }
