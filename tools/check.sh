@@ -176,7 +176,7 @@ step_gpiod2() {
 }
 
 about[fuzz]="libFuzzer on every parser, the bus and the C interface, $fuzz_seconds s in all (tests/fuzz, tools/fuzz.sh)"
-# One seed: a run that fails on one machine can be had on every other.
+# One seed: a run that fails on one machine should fail on every other.
 step_fuzz() { tools/fuzz.sh --seconds "$fuzz_seconds" --seed 485; }
 
 about[coverage]="statements and branches of the core that the tests execute, and an excuse for every line that they do not"

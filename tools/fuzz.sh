@@ -4,7 +4,8 @@
 #
 #   tools/fuzz.sh [--seconds N | --runs N] [TARGET...]   N seconds in all, shared evenly, 60 by default; or N executions
 #                                                        of each target; all targets by default
-#   tools/fuzz.sh --seed S ...                           not by chance, and from the corpora of the tree only
+#   tools/fuzz.sh --seed S ...                           from the corpora of the tree only, and as little by chance as
+#                                                        libFuzzer can: some targets go the same way every time
 #   tools/fuzz.sh --plain ...                            without sanitizers and value profile: many more executions
 #   tools/fuzz.sh --list                                 the targets
 #   tools/fuzz.sh --replay TARGET FILE...                runs files, for example one that a fuzzer has kept
@@ -27,7 +28,7 @@ while (($#)); do
     --list) printf '%s\n' "${all[@]}" && exit 0 ;;
     --seconds) number "${2:-}" && seconds=$2 && shift 2 ;;
     --runs) number "${2:-}" && runs=$2 && shift 2 ;;
-    --seed) number "${2:-}" && seed=$2 && shift 2 ;;
+    --seed) number "${2:-}" && seed=$2 profile=0 && shift 2 ;;
     --plain) preset=fuzz profile=0 && shift ;;
     --replay) known "${2:-}" && replay=$2 && shift 2 && break ;;
     *) known "$1" && targets+=("$1") && shift ;;
@@ -55,7 +56,10 @@ one() {
   shift
   local log=$logs/$target.log found=build/fuzz/corpus/$target longest=1024
   [[ $target != image && $target != journal && $target != profile ]] || longest=8192
-  ((seed == 0)) || { found=build/fuzz/seed-$seed/$target && rm -rf "$found"; }
+  if ((seed != 0)); then
+    found=build/fuzz/seed-$seed/$target && rm -rf "$found"
+    set -- "$@" -entropic=0 -reload=0 # these go by the clock
+  fi
   mkdir -p "$found"
   # -timeout: one input for longer than 10 s counts as a failure too. -malloc_limit_mb: so does a single huge request.
   "$programs/tm485_fuzz_$target" "$@" -seed="$seed" -max_len="$longest" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=256 \
