@@ -55,7 +55,7 @@ Time Bus<P>::latch_uncertainty(Time seen) const noexcept {
 
 template <Port P>
 void Bus<P>::finish(Time now) noexcept {
-  if (!capability_.wire_timestamps) {
+  if (!capability_.wire_timestamps && !unsent_) {
     // Without a byte of a reply, all that is known is that the request has left.
     const DataId id = exchange_.id();
     const Time shortest = exchange_.has_reply_delay() ? profile_->exchange_min(id, exchange_.reply().size())
