@@ -18,6 +18,7 @@ std::expected<void, Errc> ResetRun::start(ResetKind kind) noexcept {
   stage_ = Stage::before;
   seen_before_ = false;
   tries_ = 0;
+  busy_looks_ = 0;
   sent_ = 0;
   wait_until_ = Time{0};
   result_ = {};
@@ -35,6 +36,10 @@ std::optional<Request> ResetRun::next(Time now) noexcept {
 void ResetRun::on_refused(Errc cause, Time now) noexcept {
   under_way_ = false;
   if (cause == Errc::no_gap) return end(ResetVerdict::refused, cause);
+  if (cause == Errc::busy && ++busy_looks_ <= kMostBusy) {  // somebody else's request, and soon over
+    wait_until_ = now + kBusyPause;
+    return;
+  }
   on_failure(cause, now);
 }
 
@@ -58,6 +63,7 @@ void ResetRun::on_failure(Errc cause, Time now) noexcept {
 
 void ResetRun::on_reply(const Frame& frame, Time now) noexcept {
   tries_ = 0;
+  busy_looks_ = 0;
   switch (stage_) {
     case Stage::before:
       return look_before(frame, now);

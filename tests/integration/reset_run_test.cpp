@@ -189,6 +189,36 @@ TEST_F(ResetRunTest, ALineThatStaysDeadEndsItInTime) {
   EXPECT_EQ(reset->outcome()->code, Errc::timeout);
 }
 
+// Found by the campaign (seed 485, run 281): a command of an axis waited for the end of the ten, and took the place of the
+// read-back. That was taken for a line that had failed: the next look came 250 ms later, the cycle off all the time, and
+// found a shaft that had turned by 13 turns since: "without effect".
+TEST_F(ResetRunTest, SomebodyElsesRequestDelaysTheReadBackNoLongerThanItTakes) {
+  begin({}, sim::MotionProfile::constant(3'000.0), Pattern(Cycle{DataId::everything, us(150)}));
+  ASSERT_TRUE(reset->start(ResetKind::multi_turn));
+  while (!reset->needs_line()) step();
+  ASSERT_TRUE(bus->offer(*Request::make(DataId::encoder_id), 1));
+  const Time begun = now;
+  while (reset->active()) {
+    step();
+    (void)bus->take_completion(Priority::diagnostics, 1);
+  }
+  EXPECT_EQ(reset->outcome()->verdict, ResetVerdict::verified);
+  EXPECT_LT(now - begun, ms(7)) << "ten requests, 5 ms, and little more";
+  EXPECT_EQ(requests(2), 1U);
+}
+
+// A place that is never given back: bounded.
+TEST_F(ResetRunTest, APlaceThatStaysTakenEndsIt) {
+  begin({}, {}, Pattern(Cycle{DataId::everything, us(150)}));
+  ASSERT_TRUE(bus->offer(*Request::make(DataId::encoder_id), 1));
+  const Time begun = now;
+  const ResetOutcome outcome = run(ResetKind::errors);
+  EXPECT_EQ(outcome.verdict, ResetVerdict::failed);
+  EXPECT_EQ(outcome.code, Errc::busy);
+  EXPECT_LT(now - begun, std::chrono::seconds(10));
+  EXPECT_EQ(requests(7), 0U);
+}
+
 TEST_F(ResetRunTest, OneAtATime) {
   begin({}, {});
   ASSERT_TRUE(reset->start(ResetKind::errors));

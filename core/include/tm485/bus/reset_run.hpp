@@ -73,6 +73,8 @@ class ResetRun {
   };
   static constexpr std::uint8_t kMostTries = 12;
   static constexpr Time kLookEvery = std::chrono::milliseconds(5);
+  static constexpr std::uint8_t kMostBusy = 100;  ///< looks at a place that is taken, in a row
+  static constexpr Time kBusyPause{100'000};
 
   void on_reply(const Frame& frame, Time now) noexcept;
   void on_failure(Errc cause, Time now) noexcept;
@@ -91,6 +93,7 @@ class ResetRun {
   bool seen_before_ = false;
   std::uint8_t sent_ = 0;  ///< of the ten, with a good reply
   std::uint8_t tries_ = 0;
+  std::uint8_t busy_looks_ = 0;
   Time wait_until_{0};
   Time window_end_{0};
   ResetOutcome result_;
