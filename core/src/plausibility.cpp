@@ -22,6 +22,7 @@ PlausibilityGate::PlausibilityGate(unsigned single_turn_bits, const AxisConfig& 
   // From one greatest speed to the opposite one.
   memory_ = std::clamp(2 * rpm * 1'000'000'000 / rpm_s, kShortestMemory, kLongestMemory);
   constexpr unsigned kFineBits = 11;
+  turn_ = std::int64_t{1} << single_turn_bits;
   fine_ = std::int64_t{1} << (single_turn_bits > kFineBits ? single_turn_bits - kFineBits : 0U);
 }
 
@@ -159,27 +160,57 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
   }
   const bool any = missed_ < kFewMissed || !narrow_;
   if (go_on(track_, reading, any ? kNoLimit : fine_)) [[likely]] {
-    candidate_.length = 0;
+    if (candidate_.length != 0) [[unlikely]] {
+      // A reading without turns says nothing against a row that differs by whole turns only.
+      PositionReading other = reading;
+      other.raw -= (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
+      const Window window = predict(candidate_, other);
+      const std::int64_t off = other.raw - window.centre;
+      const bool by_turns =
+          reading.turns == Turns::to_come && !turnless_ && !inside_ && other.raw != reading.raw;
+      if (!by_turns || off > window.half || -off > window.half) candidate_.length = 0;
+    }
     missed_ = 0;
     return GateVerdict::accepted;
   }
   return hold_back(reading);
 }
 
+/// Does it go on from the candidate? Whichever of the two does not know its turns takes those of the other.
+bool PlausibilityGate::agrees(PositionReading reading, bool turnless) noexcept {
+  const std::int64_t turns = (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
+  if (turnless) {
+    reading.raw -= turns;
+  } else if (turnless_) {
+    candidate_.raw += turns;
+  }
+  if (!go_on(candidate_, reading, kNoLimit)) return false;
+  turnless_ = turnless_ && turnless;
+  return true;
+}
+
 /// A reading that no sample may come of by itself. Several that agree with each other are believed.
 [[gnu::noinline]] GateVerdict PlausibilityGate::hold_back(const PositionReading& reading) noexcept {
   missed();
   const bool inside = near_track(reading);
-  bool agreed = candidate_.length != 0 && go_on(candidate_, reading, kNoLimit);
+  const bool turnless =
+      reading.turns != Turns::known && !inside;  // where the shaft can be, they are those that it had
+  bool agreed = candidate_.length != 0 && agrees(reading, turnless);
   if (!agreed && candidate_.length > 1) {  // the first one of the row may have been the wrong one
     candidate_.length = 1;
     inside_ = last_inside_;
-    agreed = go_on(candidate_, reading, kNoLimit);
+    turnless_ = last_turnless_;
+    agreed = agrees(reading, turnless);
   }
-  if (!agreed) begin(candidate_, reading);
+  if (!agreed) {
+    begin(candidate_, reading);
+    turnless_ = turnless;
+  }
   inside_ = inside && (inside_ || !agreed);
   last_inside_ = inside;
+  last_turnless_ = turnless;
   if (candidate_.length < (inside_ ? kAgreeInside : kAgree)) return GateVerdict::held_back;
+  if (turnless_ && reading.turns == Turns::to_come) return GateVerdict::held_back;
   // One wrong reading would not have agreed with the others.
   candidate_.doubt = candidate_.half;
   candidate_.half_width =

@@ -44,21 +44,25 @@ bool PositionTracker::doubtful(const Frame& frame) noexcept {
 }
 
 /// Without a battery the turns begin anew with every power-up; with one a reset by somebody else looks the same.
-bool PositionTracker::restarted(const Frame& frame) const noexcept {
+/// A reply that has no turns itself may be the last of those that agree: then the gate has found them.
+bool PositionTracker::restarted(const Frame& frame, Turns turns) const noexcept {
   const Profile& profile = profile_->profile();
-  return frame.id() == DataId::everything && profile.multi_turn_bits != 0 &&
-         frame.turns(profile.multi_turn_bits) == profile.multi_turn_start &&
-         turns_ != profile.multi_turn_start;
+  if (profile.multi_turn_bits == 0 || turns_ == profile.multi_turn_start) return false;
+  if (turns == Turns::to_come) return gate_.raw() >> profile.single_turn_bits == profile.multi_turn_start;
+  return frame.id() == DataId::everything && frame.turns(profile.multi_turn_bits) == profile.multi_turn_start;
 }
 
-void PositionTracker::found(Time gap) noexcept {
+void PositionTracker::found(Time gap, bool reads_turns) noexcept {
   gate_.expect_every(gap);
+  reads_turns_ = reads_turns;
   tracking_ = true;
   if (!kept_) return;
   // Whole turns, so that the last position is at most half a turn away.
   const unsigned bits = profile_->profile().single_turn_bits;
   const std::int64_t half = std::int64_t{1} << (bits - 1);
-  offset_ += ((raw_ - kept_raw_ + half) >> bits) * (std::int64_t{1} << bits);
+  const std::int64_t turns = ((raw_ - kept_raw_ + half) >> bits) * (std::int64_t{1} << bits);
+  offset_ += turns;
+  carried_ += turns;
   referenced_ = referenced_ || kept_referenced_;
   kept_ = false;
 }

@@ -89,6 +89,7 @@ void Scheduler::measure(const PortCapability& port) noexcept {
         if (!by_turns) unwrap_gap_ = std::max(unwrap_gap_, gap);
       }
       reads_position_ = true;
+      reads_turns_ = reads_turns_ || by_turns;
       last_position = length_;
     }
     length_ += to_next;

@@ -8,7 +8,10 @@ PlausibilityGate::PlausibilityGate(unsigned single_turn_bits, const AxisConfig&)
   track_.half_width = std::uint32_t{1} << (single_turn_bits - 11);
 }
 
-GateVerdict PlausibilityGate::judge(const PositionReading&) noexcept { return GateVerdict::accepted; }
+GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
+  track_.raw = reading.raw;
+  return GateVerdict::accepted;
+}
 
 void PlausibilityGate::expect_every(Time) noexcept {}
 

@@ -116,6 +116,22 @@ TEST_F(BusTrust, AVerifiedResetOfTheTurnsIsNotCarriedOn) {
   EXPECT_FALSE(bus->latest().referenced());
 }
 
+// Found by the campaign (seed 485, run 358): turns that a restart had carried on outlived a reset of the turns, so the axis
+// stood a turn beside the count that it had just been given.
+TEST_F(BusTrust, TurnsThatWereCarriedOnEndWithAResetOfTheTurns) {
+  config.axis.after_restart = Continuity::re_reference;
+  begin_at_turn(7);
+  restart_encoder();
+  ASSERT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
+  ResetOutcome outcome;
+  outcome.kind = ResetKind::multi_turn;
+  outcome.verdict = ResetVerdict::verified;
+  bus->on_reset(outcome, driver.now);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().position(), 1'000);
+}
+
 TEST_F(BusTrust, StatusBitsAreLatchedUntilAResetWasReadBack) {
   begin_running("tm485_17_battery");
   encoder.sf = 0x20;

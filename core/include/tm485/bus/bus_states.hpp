@@ -129,7 +129,7 @@ void Bus<P>::after_startup_step(Time now) noexcept {
   last_good_ = latch_time();
   cyclic_start_.reset();
   state_ = BusState::running;
-  tracker_.found(sample_gap());
+  tracker_.found(sample_gap(), scheduler_ && scheduler_->reads_turns());
   if (scheduler_) scheduler_->begin(std::max(now, spacing_.earliest()));
 }
 

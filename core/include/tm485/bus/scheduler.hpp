@@ -78,6 +78,8 @@ class Scheduler {
   [[nodiscard]] Feasibility feasibility() const noexcept;
   /// True if some step reads a position. If so, replies without one do not count as samples.
   [[nodiscard]] bool reads_position() const noexcept { return reads_position_; }
+  /// True if some step reads turns together with the position.
+  [[nodiscard]] bool reads_turns() const noexcept { return reads_turns_; }
   /// The longest time from one position to the next, or, without positions, from one reply to the next.
   [[nodiscard]] Time sample_gap() const noexcept { return sample_gap_; }
   /// The longest time over which single-turn data alone must be unwrapped; 0: they never are.
@@ -152,6 +154,7 @@ class Scheduler {
   bool locked_;
   bool in_epoch_;
   bool reads_position_ = false;
+  bool reads_turns_ = false;
 
   Pattern pattern_;
   const CompiledProfile* profile_;

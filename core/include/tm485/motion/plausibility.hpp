@@ -21,11 +21,19 @@
 
 namespace tm485 {
 
+/// What is known of the whole turns of a reading.
+enum class Turns : std::uint8_t {
+  known,    ///< the reply has them, or there are none
+  to_come,  ///< the nearest to the last position; other replies of the cycle have them
+  guessed,  ///< likewise, and no reply has
+};
+
 /// A position as read: turns and ABS as one number, unwrapped.
 struct PositionReading {
   std::int64_t raw = 0;  ///< counts
   Time latch{0};
   Time uncertainty{0};  ///< ± of the latch time
+  Turns turns = Turns::known;
 };
 
 enum class GateVerdict : std::uint8_t {
@@ -37,7 +45,8 @@ enum class GateVerdict : std::uint8_t {
 /// One owner (the bus's context). Every function: constant time, no 64-bit division but in the constructor.
 class PlausibilityGate {
  public:
-  /// So many readings have to agree before the gate follows a step; of those inside the window, after an outage, fewer.
+  /// So many readings have to agree before the gate follows a step; of those inside the window, after an outage, fewer. Where
+  /// the cycle reads turns, one of those that make a step must have them: ABS alone does not tell which way it went.
   static constexpr std::uint8_t kAgree = 4;
   static constexpr std::uint8_t kAgreeInside = 3;
   static constexpr std::uint8_t kFewMissed = 2;
@@ -67,6 +76,9 @@ class PlausibilityGate {
   /// By how much the last reading that was not held back can be wrong, in counts, an undetected error of this or of one of
   /// the two readings before it included; at most 2^32 - 1.
   [[nodiscard]] std::uint32_t half_width() const noexcept { return track_.half_width; }
+  /// The last reading that was not held back: with other whole turns than it was given if it had none of its own, and those
+  /// of the row that it belongs to are others.
+  [[nodiscard]] std::int64_t raw() const noexcept { return track_.raw; }
 
  private:
   /// Counts per ns, times 2^24.
@@ -111,15 +123,19 @@ class PlausibilityGate {
   void follow(Track& track, const PositionReading& reading, const Window& window) const noexcept;
   [[nodiscard]] bool near_track(const PositionReading& reading) const noexcept;
   [[nodiscard]] GateVerdict hold_back(const PositionReading& reading) noexcept;
+  [[nodiscard]] bool agrees(PositionReading reading, bool turnless) noexcept;
 
   std::int64_t speed_limit_;   ///< counts per 2^20 ns
   std::int64_t acceleration_;  ///< counts per (2^10 ns)^2, times 2^30
   std::int64_t memory_;        ///< for so long a speed says where the shaft is, ns
+  std::int64_t turn_;          ///< counts of a turn
   std::int64_t fine_;          ///< half-width up to which a sample is good for a servo loop: 0.18 degrees
   bool narrow_ = false;        ///< the next reading has a window much narrower than fine_
   std::uint8_t missed_ = 0;
-  bool inside_ = false;       ///< each reading of the candidate was where the shaft can be
-  bool last_inside_ = false;  ///< the last one was
+  bool inside_ = false;         ///< each reading of the candidate was where the shaft can be
+  bool last_inside_ = false;    ///< the last one was
+  bool turnless_ = false;       ///< no reading of the candidate knows its turns
+  bool last_turnless_ = false;  ///< the last one does not
   Track track_;
   Track candidate_;
 };

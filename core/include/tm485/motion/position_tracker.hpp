@@ -62,13 +62,19 @@ class PositionTracker {
   /// The sample that it answers is invalid.
   Sample forget() noexcept;
 
-  /// Start-up is through, the next sample will be fresh; positions are read every `gap` from now on (0: at no fixed time).
-  /// With Continuity::re_reference the turns of the last position before forget() are carried on.
-  void found(Time gap) noexcept;
+  /// Start-up is through, the next sample will be fresh; positions are read every `gap` from now on (0: at no fixed time), and
+  /// if `reads_turns` some of the replies have turns as well. With Continuity::re_reference the turns of the last position
+  /// before forget() are carried on.
+  void found(Time gap, bool reads_turns) noexcept;
   /// Start-up begins: the time of the next position is not known.
   void search() noexcept { gate_.expect_every(Time{0}); }
-  /// The turns were reset on purpose: what is known of them does not outlive the next forget().
-  void drop_turns() noexcept { tracking_ = kept_ = false; }
+  /// Zero or turns were reset on purpose: what is known of them does not outlive the next forget(), nor do turns that were
+  /// carried on: the encoder's count is the axis's again.
+  void drop_turns() noexcept {
+    tracking_ = kept_ = false;
+    offset_ -= carried_;
+    carried_ = 0;
+  }
   /// A position was asked for, and the exchange has failed.
   void missed() noexcept { gate_.missed(); }
 
@@ -87,7 +93,7 @@ class PositionTracker {
   [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits) const noexcept;
   [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
-  [[nodiscard]] bool restarted(const Frame& frame) const noexcept;
+  [[nodiscard]] bool restarted(const Frame& frame, Turns turns) const noexcept;
   [[nodiscard]] bool doubtful(const Frame& frame) noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
   void take_fields(const Frame& frame) noexcept;
@@ -118,6 +124,7 @@ class PositionTracker {
   bool has_reply_ = false;
   bool has_position_ = false;
   bool referenced_ = false;
+  bool reads_turns_ = false;  ///< some replies of the cycle have turns, though not all
 
   // Before forget(), for Continuity::re_reference.
   bool keeps_turns_;
@@ -125,6 +132,7 @@ class PositionTracker {
   bool kept_ = false;      ///< there is a last position
   bool kept_referenced_ = false;
   std::int64_t kept_raw_ = 0;
+  std::int64_t carried_ = 0;  ///< what of offset_ are turns that were carried on
 };
 
 /// How far a frame with turns is from the last position: as a number of as many bits as turns and ABS have together, so
@@ -229,11 +237,14 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
     std::int64_t step = 0;
     if (const Errc error = unwrap(frame, gap, step); error != Errc::ok) [[unlikely]]
       return error;
-    switch (gate_.judge({raw_ + step, latch, uncertainty})) {
+    const Turns turns = id == DataId::everything ? Turns::known
+                        : reads_turns_           ? Turns::to_come
+                                                 : Turns::guessed;
+    switch (gate_.judge({raw_ + step, latch, uncertainty, turns})) {
       case GateVerdict::accepted:
         break;
       case GateVerdict::reacquired:
-        if (restarted(frame)) return Errc::encoder_restarted;
+        if (restarted(frame, turns)) return Errc::encoder_restarted;
         ++discontinuities_;
         referenced_ = false;
         break;
@@ -241,7 +252,7 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
         return Errc::position_implausible;
     }
     if (!has_raw_) referenced_ = turns_survived(frame);
-    raw_ += step;
+    raw_ = gate_.raw();
     has_raw_ = true;
     position_latch_ = latch;
   }
