@@ -161,6 +161,12 @@ struct NeverLooksAtThePage : EepromDiscipline {
   static constexpr bool kChecksPage = false;
 };
 
+/// Takes a write for done when its reply is there.
+struct NeverLooksAtWhatItWrote : EepromDiscipline {
+  static constexpr bool kReadsBack = false;
+  static constexpr bool kComparesEcho = false;
+};
+
 /// T1 too short by an eighth. Half of it is no profile: an exchange would not fit.
 inline void shorten_t1(Profile& profile) {
   for (Time& t1 : profile.t1) t1 = t1 * 7 / 8;

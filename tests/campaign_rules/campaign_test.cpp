@@ -52,6 +52,14 @@ TEST(Campaign, TheStackBreaksNoRule) {
   EXPECT_GT(result.totals.startups, result.totals.runs);
   EXPECT_GE(result.totals.smallest_t1_margin, Time{0});
   EXPECT_GT(result.totals.eeprom_judged, 50u);
+  // Each kind of run is among them.
+  EXPECT_GT(result.totals.eeprom_writes, 0u);
+  EXPECT_GT(result.totals.resets_verified, 0u);
+  EXPECT_GT(result.totals.axis_runs, 0u);
+  EXPECT_GT(result.totals.mixed_runs, 0u);
+  EXPECT_GT(result.totals.slow_runs, 0u);
+  EXPECT_GT(result.totals.loop_reads, 10'000u);
+  EXPECT_GT(result.totals.resumed, 0u);
 }
 
 TEST(Campaign, AHealthyLineLosesNothing) {
@@ -93,6 +101,17 @@ TEST(BrokenStack, WithoutSelectingThePageAgain) {
   EXPECT_FALSE(campaign(as_it_is, "restart at=100ms every=200ms").failed.has_value());
 }
 
+TEST(BrokenStack, WithoutReadingBackWhatWasWritten) {
+  const Player play = [](const RunSetup& setup, const RunOptions& options) {
+    return run<test::NeverLooksAtWhatItWrote>(setup, options);
+  };
+  constexpr const char* kNoise = "bits requests=1e-3";
+  const CampaignResult result = campaign(play, kNoise, 4'000'000);
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::eeprom) << story(result);
+  EXPECT_FALSE(campaign(as_it_is, kNoise, 1'000'000).failed.has_value());
+}
+
 TEST(BrokenStack, WithoutTimeouts) {
   const CampaignResult result = campaign(with<test::NoTimeout>, "lose replies=1e-3");
   ASSERT_TRUE(result.failed.has_value());
@@ -108,7 +127,7 @@ TEST(BrokenStack, WithALateTimeout) {
 TEST(BrokenStack, WithAShortT1) {
   const CampaignResult result = campaign([](const RunSetup& setup, const RunOptions& options) {
     RunSetup shortest = setup;
-    shortest.period = Time{0};
+    shortest.pattern = Cycle{shortest.pattern.step(0).id};
     return run<EepromDiscipline>(shortest, options, AsItIs{}, test::shorten_t1);
   });
   ASSERT_TRUE(result.failed.has_value());
@@ -161,7 +180,7 @@ TEST(BrokenStack, IsFoundByRandomPlansMadeSmallAndPlayedAgain) {
 
 TEST(Recorder, WritesATableAndAWaveform) {
   RunSetup setup = draw_run(1, 0, 60, *sim::FaultPlan::parse("lose replies=1 from=58ms for=500us"));
-  setup.id = DataId::everything;
+  setup.pattern = Cycle{DataId::everything, setup.pattern.slot()};
   Recorder recorder(5);
   const RunResult result = run(setup, {.recorder = &recorder});
   EXPECT_FALSE(result.violation.has_value());

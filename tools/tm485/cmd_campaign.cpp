@@ -14,6 +14,7 @@
 #include "campaign/campaign.hpp"
 #include "campaign/recorder.hpp"
 #include "commands.hpp"
+#include "heap_count.hpp"
 #include "json_output.hpp"
 #include "output.hpp"
 #include "plan_text.hpp"
@@ -32,7 +33,11 @@ using namespace campaign;
 constexpr std::uint64_t kCyclesShown = 20;  ///< of a trace, before the failing one
 constexpr unsigned kMostJobs = 256;
 
-RunResult play(const RunSetup& setup, const RunOptions& options) { return run(setup, options); }
+/// A recorder allocates; every other run is judged by its allocations too.
+RunResult play(const RunSetup& setup, RunOptions options) {
+  if (options.recorder == nullptr) options.allocations = heap_allocations;
+  return run(setup, options);
+}
 
 /// "SEED:RUN"
 std::optional<std::pair<std::uint64_t, std::uint64_t>> read_replay(std::string_view text) {
@@ -52,6 +57,10 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> read_replay(std::string_v
 
 double in_us(Time time) { return static_cast<double>(time.count()) * 1e-3; }
 
+double cycles_of(const Totals& totals, Recovery kind) {
+  return static_cast<double>(totals.longest_recovery[static_cast<std::size_t>(kind)]) * 0.01;
+}
+
 JsonObject json_of(const Totals& totals) {
   JsonObject json;
   json.set("runs", totals.runs)
@@ -69,10 +78,21 @@ JsonObject json_of(const Totals& totals) {
       .set("restarts", totals.restarts)
       .set("lost_turns", totals.lost_turns)
       .set("eeprom_reads", totals.eeprom_reads)
-      .set("eeprom_reads_judged", totals.eeprom_judged)
+      .set("eeprom_writes", totals.eeprom_writes)
+      .set("eeprom_judged", totals.eeprom_judged)
+      .set("resets", totals.resets)
+      .set("resets_verified", totals.resets_verified)
+      .set("axis_runs", totals.axis_runs)
+      .set("mixed_runs", totals.mixed_runs)
+      .set("slow_port_runs", totals.slow_runs)
+      .set("loop_reads", totals.loop_reads)
+      .set("let_go", totals.let_go)
+      .set("resumed", totals.resumed)
+      .set("commands", totals.commands)
       .set("longest_fresh_age_ns", totals.longest_loss.count())
-      .set("longest_recovery_cycles", static_cast<double>(totals.longest_recovery) * 0.01)
-      .set("longest_step_cycles", static_cast<double>(totals.longest_step) * 0.01)
+      .set("longest_recovery_cycles", cycles_of(totals, Recovery::plain))
+      .set("longest_step_cycles", cycles_of(totals, Recovery::step))
+      .set("longest_startup_cycles", cycles_of(totals, Recovery::startup))
       .set("longest_startup_ns", totals.longest_startup.count());
   if (totals.smallest_t1_margin != kNever)
     json.set("smallest_t1_margin_ns", totals.smallest_t1_margin.count());
@@ -98,7 +118,7 @@ std::string replay_command(const RunSetup& setup) {
   for (const sim::FaultLine& line : setup.plan.lines())
     plan += (plan.empty() ? "" : "; ") + sim::FaultPlan::to_text(line);
   return fmt::format("tm485 campaign --replay {}:{} --cycles {} --plan '{}'", setup.seed, setup.run,
-                     setup.cycles, plan);
+                     setup.cycles, plan.empty() ? "#" : plan);
 }
 
 /// How long a campaign took: by the clock, and of processors.
@@ -120,24 +140,29 @@ void show(Output& output, const Totals& totals, const Duration& took) {
   row("cycles", fmt::format("{}", totals.cycles));
   row("runs, start-ups, restarts of the encoder",
       fmt::format("{}, {}, {}", totals.runs, totals.startups, totals.restarts));
+  row("runs with a servo loop, several IDs, a slow port",
+      fmt::format("{}, {}, {}", totals.axis_runs, totals.mixed_runs, totals.slow_runs));
   row("good and failed cycles", fmt::format("{}, {}", totals.good, totals.failed));
   row("cycles with a fault, with changed bits", fmt::format("{}, {}", totals.touched, totals.changed));
   row("changed frames that became fresh samples", fmt::format("{}", totals.changed_and_fresh));
   row("  of them wrong, by more than 0.18 degrees", fmt::format("{}, {}", totals.wrong, totals.dangerous));
   row("fresh samples of a frozen sensor that were wrong", fmt::format("{}", totals.frozen_and_wrong));
-  if (kStatesHalfWidth<Sample>)
-    row("  beyond the half-width: frozen, or wrong again and again", fmt::format("{}", totals.beyond));
+  row("  beyond the half-width: frozen, or wrong again and again", fmt::format("{}", totals.beyond));
   if (totals.lost_turns != 0)
     row("whole turns off, read without turns", fmt::format("{}", totals.lost_turns));
-  row("EEPROM reads between the cycles, of them judged",
-      fmt::format("{}, {}", totals.eeprom_reads, totals.eeprom_judged));
+  row("EEPROM reads and writes between the cycles, of both judged",
+      fmt::format("{}, {}, {}", totals.eeprom_reads, totals.eeprom_writes, totals.eeprom_judged));
+  row("runs of resets, of them verified", fmt::format("{}, {}", totals.resets, totals.resets_verified));
+  row("servo loops: reads, let go, taken hold again",
+      fmt::format("{}, {}, {}", totals.loop_reads, totals.let_go, totals.resumed));
   row("oldest sample that was called fresh", fmt::format("{:.1f} us", in_us(totals.longest_loss)));
   row("longest until fresh again, without a start-up",
-      fmt::format("{:.2f} cycles", static_cast<double>(totals.longest_recovery) * 0.01));
+      fmt::format("{:.2f} cycles", cycles_of(totals, Recovery::plain)));
   row("  the same if the last fresh sample was wrong",
-      fmt::format("{:.2f} cycles", static_cast<double>(totals.longest_step) * 0.01));
+      fmt::format("{:.2f} cycles", cycles_of(totals, Recovery::step)));
   row("longest until fresh again, through a start-up",
-      fmt::format("{:.1f} us", in_us(totals.longest_startup)));
+      fmt::format("{:.2f} cycles, {:.1f} us", cycles_of(totals, Recovery::startup),
+                  in_us(totals.longest_startup)));
   if (totals.smallest_t1_margin != kNever)
     row("smallest T1 beyond the minimum", fmt::format("{} ns", totals.smallest_t1_margin.count()));
   row("speed, by the clock; of one processor's time",

@@ -20,7 +20,8 @@ bool begins_with_a_fault(std::string_view text) {
 }  // namespace
 
 std::expected<sim::FaultPlan, Problem> plan_from(const std::string& text_or_file) {
-  const bool is_text = begins_with_a_fault(text_or_file) || text_or_file.find('\n') != std::string::npos ||
+  const bool is_text = begins_with_a_fault(text_or_file) || text_or_file.starts_with('#') ||
+                       text_or_file.find('\n') != std::string::npos ||
                        text_or_file.find('=') != std::string::npos;
   std::string text = text_or_file;
   if (!is_text) {

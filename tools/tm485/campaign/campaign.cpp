@@ -187,9 +187,10 @@ std::string describe(const Violation& violation) {
     case Rule::statistics:
       return fmt::format("the bus counts {}, seen were {}", violation.seen, violation.allowed);
     case Rule::eeprom:
-      return violation.seen < 0
-                 ? "an EEPROM task failed on a line without a fault"
-                 : fmt::format("{} bytes were read that the EEPROM does not hold", violation.seen);
+    case Rule::reset:
+    case Rule::axis:
+    case Rule::command:
+      return fmt::format("{} ({}, allowed {})", violation.what, violation.seen, violation.allowed);
     case Rule::heap:
       return fmt::format("{} allocations in the cycles", violation.seen);
     case Rule::refused:

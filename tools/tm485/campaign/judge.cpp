@@ -1,41 +1,104 @@
 #include "campaign/judge.hpp"
 
 namespace tm485::cli::campaign {
+namespace {
 
-void Totals::add(const Totals& other) noexcept {
-  runs += other.runs;
-  cycles += other.cycles;
-  good += other.good;
-  failed += other.failed;
-  startups += other.startups;
-  restarts += other.restarts;
-  touched += other.touched;
-  changed += other.changed;
-  changed_and_fresh += other.changed_and_fresh;
-  wrong += other.wrong;
-  dangerous += other.dangerous;
-  frozen_and_wrong += other.frozen_and_wrong;
-  beyond += other.beyond;
-  lost_turns += other.lost_turns;
-  eeprom_reads += other.eeprom_reads;
-  eeprom_judged += other.eeprom_judged;
-  longest_loss = std::max(longest_loss, other.longest_loss);
-  longest_recovery = std::max(longest_recovery, other.longest_recovery);
-  longest_step = std::max(longest_step, other.longest_step);
-  longest_startup = std::max(longest_startup, other.longest_startup);
-  smallest_t1_margin = std::min(smallest_t1_margin, other.smallest_t1_margin);
+/// What the shaft turns in the uncertainty of the latch, at its greatest speed.
+std::int64_t uncertainty(const CompiledProfile& profile) noexcept {
+  constexpr double kFastestTurnsPerNs = 6'000.0 / 60e9;
+  const double counts = kFastestTurnsPerNs *
+                        static_cast<double>(profile.profile().latch_uncertainty.count()) *
+                        static_cast<double>(std::int64_t{1} << profile.profile().single_turn_bits);
+  return static_cast<std::int64_t>(counts) + 1;
+}
+
+double stopping(const CompiledProfile& profile) noexcept {
+  const double turns = AxisConfig{}.max_acceleration_rpm_s / 60.0 * 1e-18;
+  return turns * static_cast<double>(std::int64_t{1} << profile.profile().single_turn_bits);
+}
+
+/// Any step of the pattern has the turns in its reply.
+bool reads_turns(const Pattern& pattern) noexcept {
+  for (std::size_t k = 0; k < pattern.size(); ++k)
+    if (pattern.step(k).id == DataId::everything) return true;
+  return false;
+}
+
+}  // namespace
+
+Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const CompiledProfile& profile) noexcept
+    : encoder_(&encoder),
+      effects_(&encoder.faults().effects()),
+      id_(setup.pattern.step(0).id),
+      shape_(shape_of(id_)),
+      shaft_(setup.shaft),
+      bits_(profile.profile().single_turn_bits),
+      resets_(setup.background == Background::resets),
+      slow_(setup.latency > Time{0}),
+      writes_hold_(setup.writes_hold_the_line()),
+      carries_turns_(setup.axis && setup.after_restart == Continuity::re_reference),
+      reads_turns_(reads_turns(setup.pattern)),
+      position_time_(setup.position_time()),
+      loss_bound_(setup.cycle_time() * kCyclesUntilLoss + kLongestExchange),
+      recovery_bound_(setup.time_of_positions(kCyclesUntilFresh) + kLongestExchange),
+      startup_bound_(setup.time_of_positions(kCyclesAfterStartup) + kLongestExchange),
+      turn_(std::int64_t{1} << profile.profile().single_turn_bits),
+      uncertain_(uncertainty(profile)),
+      stopping_(stopping(profile)),
+      clear_since_(encoder.model().config().boot_time) {}
+
+Judge::Shape Judge::shape_of(DataId id) noexcept {
+  switch (id) {
+    case DataId::single_turn:
+      return {.cf = 0x02, .length = 6, .positioned = true};
+    case DataId::multi_turn:
+      return {.cf = 0x8A, .length = 6};
+    case DataId::encoder_id:
+      return {.cf = 0x92, .length = 4};
+    default:
+      return {.cf = 0x1A, .length = 11, .positioned = true};
+  }
+}
+
+void Judge::on_other_record(const CycleRecord& record) noexcept {
+  if (record.kind == CycleRecord::Kind::startup) {
+    if (record.result == Errc::ok) count_wrong(effects_->bits_changed, record.id);
+    return;
+  }
+  if (record.id != DataId::eeprom_write || !writes_hold_) return;
+  // The line belongs to the write for as long as the encoder needs for it; one of which no reply came may have been a
+  // change of the page, the longest of them.
+  constexpr Time kLongestWrite = std::chrono::milliseconds(18);
+  pause(record.result == Errc::ok ? encoder_->model().eeprom().busy_until() : record.start + kLongestWrite);
 }
 
 /// By the bytes that the line carried, as the specification says (section 3): the XOR of a whole frame is 0. What comes
 /// behind a whole frame does not make it a broken one: a host that took it before cannot know.
 bool Judge::frame_is_broken() const noexcept {
   // What the receiver makes of a distorted burst, or of one that met another driver, is not known here.
-  if (encoder_->faults().effects().mixed) return false;
+  if (effects_->mixed) return false;
   const sim::Burst& reply = encoder_->faults().last_reply();
-  if (reply.count < reply_length_) return true;
+  if (reply.count < shape_.length) return true;
   unsigned sum = 0;
-  for (unsigned k = 0; k < reply_length_; ++k) sum ^= reply.bytes[k];
-  return reply.bytes[0] != cf_ || sum != 0;
+  for (unsigned k = 0; k < shape_.length; ++k) sum ^= reply.bytes[k];
+  return reply.bytes[0] != shape_.cf || sum != 0;
+}
+
+/// The first sample behind a start-up. Where turns are carried on over a restart, its position is the one nearest to the
+/// last, give or take what the shaft turns from the end of the start-up on; the encoder's own count may be others.
+bool Judge::find_origin(const Sample& sample, Time now) noexcept {
+  const bool carries = carries_turns_ && any_fresh_ && !new_origin_;
+  any_fresh_ = true;
+  new_origin_ = false;
+  origin_ = origin(sample.latch_time());
+  if (!carries_turns_) return true;
+  const std::int64_t off = sample.position() - encoder_->model().shaft_counts(sample.latch_time());
+  const std::int64_t turns = (off + turn_ / 2) >> std::countr_zero(static_cast<std::uint64_t>(turn_));
+  carried_ = carries ? turns * turn_ : 0;
+  const std::int64_t step = std::abs(sample.position() - position_);
+  constexpr std::int64_t kTenths = 6;
+  return !carries || step * 10 <= turn_ * kTenths ||
+         fail(Rule::axis, now, step, turn_ * kTenths / 10, "the turns were not carried on");
 }
 
 /// A sensor that stands still looks like a shaft that has stopped. If it could have, between the first two such samples,
@@ -51,19 +114,29 @@ void Judge::on_frozen(const Sample& sample, Time before) noexcept {
         encoder_->model().shaft_counts(sample.latch_time()) - encoder_->model().shaft_counts(before);
     could_stand_ = static_cast<double>(std::abs(moved)) <= 2.0 * stopping_ * dt * dt + kNoise;
   }
-  if (discontinuities_of(sample) != steps_before_) could_stand_ = true;
+  if (sample.discontinuities() != steps_before_) could_stand_ = true;
 }
 
 /// The sample is not plainly the model's latch: how far is it from where the shaft was at its latch time?
-bool Judge::on_position(const Sample& sample, const sim::FaultEffects& effects, Time now) noexcept {
-  const std::int64_t truth = encoder_->model().shaft_counts(sample.latch_time());
-  std::int64_t off = std::abs(sample.position() - truth);
+bool Judge::on_position(const Sample& sample, Time now) noexcept {
+  const sim::FaultEffects& effects = *effects_;
   const bool clean = !effects.bits_changed && !effects.frozen;
+  // Without timestamps the sample's latch time is a bound: what it must be is what the model latched, within its own ±.
+  const sim::Latch& latch = encoder_->model().last_latch();
+  const bool by_latch = clean && slow_ && latched_at(latch, sample);
+  const std::int64_t truth =
+      (by_latch ? latch.counts : encoder_->model().shaft_counts(sample.latch_time())) + carried_;
+  std::int64_t off = std::abs(sample.position() - truth);
   const std::int64_t exact = kQuantisation + uncertain_;
-  const bool turns_unknown =
-      reply_length_ != 11 &&
-      (kStatesHalfWidth<Sample> ? discontinuities_of(sample) != steps_at_startup_ : lost_track_);
-  if (off > turn_ / 2 && turns_unknown) {  // until the next start-up
+  // Until the next start-up; where some replies have turns, those that have none are as good as the last one that had.
+  const bool has_turns = id_ == DataId::everything;
+  // A zero reset whose end was lost in noise takes effect while the cycle is on again; from a step that the shaft can have made
+  // nobody sees it.
+  const bool late_zero = resets_ && origin(sample.latch_time()) != origin_;
+  const bool turns_unknown = late_zero || (reads_turns_ ? turns_wrong_ && !has_turns
+                                                        : sample.discontinuities() != steps_at_startup_);
+  if (has_turns) turns_wrong_ = off > turn_ / 2;
+  if (off > turn_ / 2 && turns_unknown) {
     ++totals_.lost_turns;
     off = std::min(off % turn_, turn_ - off % turn_);
   }
@@ -73,31 +146,51 @@ bool Judge::on_position(const Sample& sample, const sim::FaultEffects& effects, 
     if (off * kDangerousOfTurn > turn_) ++totals_.dangerous;
   }
   if (off > exact) stepped_ = true;
-  constexpr std::int64_t kPartOfTurn = 4;
-  if (off > turn_ / kPartOfTurn) lost_track_ = true;
-  wrong_in_a_row_ = off > exact ? wrong_in_a_row_ + 1 : 0;
-  const auto allowed = clean ? std::optional(exact) : stated_half_width(sample);
-  if (!allowed || off <= *allowed) return true;
+  count_wrong(off > exact, id_);
+  const auto stated = static_cast<std::int64_t>(sample.half_width());
+  const std::int64_t allowed = clean ? std::min(exact, stated) : stated;
+  if (off <= allowed) return true;
   // The half-width counts undetected errors of three readings in a row. A line that makes the same bits of each frame wrong
   // looks like a shaft elsewhere.
   constexpr unsigned kInARow = 3;
-  const bool unknowable = (!clean && wrong_in_a_row_ >= kInARow) || (effects.frozen && could_stand_);
-  if (!unknowable) return fail(Rule::position, now, off, *allowed);
+  const bool again = std::max(wrong_in_a_row_, wrong_turns_in_a_row_) >= kInARow;
+  const bool unknowable = (!clean && again) || (effects.frozen && could_stand_);
+  if (!unknowable) return fail(Rule::position, now, off, allowed);
   ++totals_.beyond;
   could_stand_ = true;  // and goes on to look so, even when the shaft passes by
   return true;
 }
 
-/// What a fault has changed on the way may be read as it came: eight bits of CRC let some of it pass. Everything else, a
-/// restart with another page selected too, the task must cope with.
+void Judge::count_recovery(Time since) noexcept {
+  const auto kind = static_cast<std::size_t>(through_startup_ ? Recovery::startup
+                                             : stepped_       ? Recovery::step
+                                                              : Recovery::plain);
+  const std::int64_t hundredths = since * 100 / position_time_;
+  totals_.longest_recovery[kind] = std::max(totals_.longest_recovery[kind], hundredths);
+  const auto bin = static_cast<std::size_t>(std::max<std::int64_t>(0, (hundredths + 99) / 100));
+  ++totals_.recovered[kind][std::min(bin, Totals::kRecoveryBins - 1)];
+  if (through_startup_) totals_.longest_startup = std::max(totals_.longest_startup, since);
+}
+
+/// What a fault has changed on the way may be read as it came: eight bits of CRC let some of it pass, and make a request one
+/// for another byte. What is said to have been written and read back is there all the same. Everything else, a restart with
+/// another page selected too, the task must cope with.
 bool Judge::on_eeprom(const EepromOutcome& outcome, Time now) noexcept {
-  const sim::FaultEffects& effects = encoder_->faults().effects();
-  ++totals_.eeprom_reads;
-  if (effects.last_change >= outcome.begun) return true;
+  ++(outcome.wrote ? totals_.eeprom_writes : totals_.eeprom_reads);
+  const bool good = outcome.result == Errc::ok;
+  if (good && outcome.wrote && outcome.different != 0)
+    return fail(Rule::eeprom, now, outcome.different, 0, "bytes were said to be written that are not there");
+  if (effects_->last_change >= outcome.begun) return true;
   ++totals_.eeprom_judged;
-  if (outcome.result == Errc::ok)
-    return outcome.different == 0 || fail(Rule::eeprom, now, outcome.different, 0);
-  return effects.last >= outcome.begun || fail(Rule::eeprom, now, -1, 0);
+  if (outcome.elsewhere != 0)
+    return fail(Rule::eeprom, now, outcome.elsewhere, 0, "bytes have changed that nobody has written");
+  if (good)
+    return outcome.different == 0 ||
+           fail(Rule::eeprom, now, outcome.different, 0, "bytes were read that the EEPROM does not hold");
+  // Late replies leave less room than there is by the pattern.
+  if (slow_ && outcome.result == Errc::no_gap) return true;
+  return effects_->last >= outcome.begun ||
+         fail(Rule::eeprom, now, 1, 0, "a task failed on a line without a fault");
 }
 
 bool Judge::at_end(const Statistics& statistics, Time now) noexcept {

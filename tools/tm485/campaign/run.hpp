@@ -1,4 +1,4 @@
-// One run of the campaign: a bus on the simulated port in virtual time, every cycle judged.
+// One run of the campaign: a bus, or an axis with its servo loop, on the simulated port in virtual time, every cycle judged.
 //
 // `Wrap` puts something between the bus and the port, and `adjust` changes the profile that the bus is told: so the tests
 // aim the same run at builds that are broken on purpose, and with a Discipline that leaves something out. The command
@@ -11,10 +11,14 @@
 #include <optional>
 #include <type_traits>
 
-#include "campaign/eeprom_reader.hpp"
+#include "campaign/eeprom_tasks.hpp"
 #include "campaign/judge.hpp"
+#include "campaign/loop_reader.hpp"
 #include "campaign/recorder.hpp"
+#include "campaign/reset_tasks.hpp"
 #include "campaign/run_setup.hpp"
+#include "campaign/slow_port.hpp"
+#include "tm485/bus/axis.hpp"
 #include "tm485/bus/bus.hpp"
 #include "tm485/sim/simulated_encoder.hpp"
 
@@ -37,6 +41,106 @@ struct AsItIs {
   void operator()(Profile&) const noexcept {}
 };
 
+template <Port P>
+[[nodiscard]] Bus<P>& bus_of(Bus<P>& bus) noexcept {
+  return bus;
+}
+template <Port P>
+[[nodiscard]] Bus<P>& bus_of(Axis<P>& axis) noexcept {
+  return axis.bus();
+}
+
+/// What a run has around its bus. After the constructor nothing allocates.
+template <class Discipline>
+struct Company {
+  Company(const RunSetup& setup, sim::SimulatedEncoder& encoder, const CompiledProfile& profile,
+          Time max_hold) {
+    const std::uint64_t seed = setup.seed + setup.run;
+    if (setup.axis) loop.emplace(setup, encoder, max_hold);
+    switch (setup.background) {
+      case Background::none:
+        break;
+      case Background::eeprom_reads:
+      case Background::eeprom_writes:
+        eeprom.emplace(profile, encoder, seed, setup.background == Background::eeprom_writes);
+        break;
+      case Background::resets:
+        resets.emplace(setup, profile, encoder);
+        break;
+    }
+  }
+
+  /// After each poll. Answers when to poll and call again at the latest.
+  template <class Stack>
+  [[nodiscard]] Time drive(Stack& stack, Judge& judge, Time now, bool& ok) {
+    Time due = kNever;
+    if (eeprom) {
+      due = eeprom->drive(bus_of(stack), judge, now);
+      ok = ok && eeprom->ok();
+    }
+    if (resets) {
+      due = resets->drive(bus_of(stack), judge, now);
+      ok = ok && resets->ok();
+    }
+    if constexpr (requires { stack.client(); }) {
+      if (loop && ok && now >= loop->due()) ok = loop->on_tick(stack, judge, now);
+      if (loop) due = std::min(due, loop->due());
+    }
+    return due;
+  }
+  [[nodiscard]] bool any() const noexcept { return eeprom || resets || loop; }
+
+  std::optional<EepromTasks<Discipline>> eeprom;
+  std::optional<ResetTasks> resets;
+  std::optional<LoopReader> loop;
+};
+
+/// Polls a stack that has started until the run is over, or a rule is broken.
+template <class Discipline, class Stack, class P>
+[[nodiscard]] bool keep_polling(const RunSetup& setup, const RunOptions& options,
+                                sim::SimulatedEncoder& encoder, Stack& stack, const P& port,
+                                Company<Discipline>& company, Judge& judge, RunResult& result) {
+  auto& bus = bus_of(stack);
+  Time now{0};
+  // All that lasts longer than its cycles: the encoder is off, or boots, or a write has the line.
+  const Time limit =
+      setup.cycle_time() * static_cast<std::int64_t>(setup.cycles) * 2 + std::chrono::seconds(1);
+  const std::uint64_t allocated = options.allocations == nullptr ? 0 : options.allocations();
+  constexpr std::uint64_t kLookAtStop = 4'096;
+  constexpr Time kLongestSleep = std::chrono::milliseconds(1);
+  const bool has_company = company.any();
+  bool ok = true;
+  for (std::uint64_t polls = 0; judge.totals().cycles < setup.cycles && now < limit; ++polls) {
+    Time due = stack.poll(now);
+    ok = judge.after_poll(bus, now);
+    if (has_company && ok) due = std::min(due, company.drive(stack, judge, now, ok));
+    if (options.recorder != nullptr) [[unlikely]]
+      options.recorder->after_poll(bus, encoder, judge.totals().cycles, now);
+    if (!ok) [[unlikely]]
+      return false;
+    if (options.stop != nullptr && polls % kLookAtStop == 0 &&
+        options.stop->load(std::memory_order_relaxed)) {
+      result.stopped = true;
+      break;
+    }
+    Time next = due;
+    if (bus.reply_expected() != kNever) {
+      if (const Time event = encoder.line().next_event() + port.late(); event > now)
+        next = std::min(due, event);
+    }
+    // A reader may look at any time, and so does the judge: also at a bus that wants to be left alone for an hour.
+    now = std::max(now, std::min(next, now + kLongestSleep));
+  }
+  if (options.allocations != nullptr && options.allocations() != allocated)
+    return judge.fail(Rule::heap, now, static_cast<std::int64_t>(options.allocations() - allocated), 0);
+  if (!judge.at_end(bus.statistics(), now)) return false;
+  if constexpr (requires { stack.client(); }) {
+    stack.stop(now);
+    return company.loop->at_end(stack, judge, now);
+  }
+  return true;
+}
+
 template <class Discipline = EepromDiscipline, class Wrap = AsItIs, class Adjust = AsItIs>
 [[nodiscard]] RunResult run(const RunSetup& setup, const RunOptions& options = {}, const Wrap& wrap = {},
                             const Adjust& adjust = {}) {
@@ -44,62 +148,39 @@ template <class Discipline = EepromDiscipline, class Wrap = AsItIs, class Adjust
   sim::SimulatedEncoder encoder(setup.sim_options());
   encoder.faults().keep_replies(true);
   Profile plain = find_profile(setup.profile).value_or(Profile{});
-  const Time t1 = plain.t1[index_of(setup.id)];
   adjust(plain);
-  const auto profile = CompiledProfile::compile(plain);
-  BusConfig config;
-  config.cycle = Cycle{setup.id, setup.period};
-  auto&& port = wrap(encoder.port());
-  std::optional<Bus<std::remove_cvref_t<decltype(port)>>> bus;
-  if (profile) bus.emplace(port, *profile, config);
-  Time now{0};
-  // A late start moves a grid of the shortest period, so there a cycle takes as much longer.
-  const Time cycle_time = std::max(setup.period, t1) + setup.start_jitter;
-  Judge judge(setup, encoder, profile.value_or(*CompiledProfile::compile(Profile{})), cycle_time);
-  if (!bus || !bus->start(now)) {
-    (void)judge.fail(Rule::refused, now, 0, 0);
-    result.violation = judge.violation();
-    return result;
-  }
-  if (options.recorder != nullptr) options.recorder->begin(encoder);
-  std::optional<EepromReader<Discipline>> reader;
-  if (setup.eeprom) reader.emplace(*profile, encoder, setup.seed + setup.run);
+  const auto compiled = CompiledProfile::compile(plain);
+  const CompiledProfile profile = compiled.value_or(*CompiledProfile::compile(Profile{}));
+  auto&& wrapped = wrap(encoder.port());
+  SlowPort<std::remove_cvref_t<decltype(wrapped)>> port(wrapped, setup.latency, setup.seed + setup.run);
+  AxisSetup what;
+  what.bus.cycle = setup.pattern;
+  what.bus.steal_every = setup.steal_every;
+  what.bus.eeprom_may_hold = true;
+  what.bus.axis.after_restart = setup.after_restart;
+  Judge judge(setup, encoder, profile);
+  Company<Discipline> company(setup, encoder, profile, what.bus.max_hold);
+  if (company.loop) what.on_invalid = {LoopReader::torque_off, &*company.loop};
 
-  // All that lasts longer than its cycles: the encoder is off, or boots.
-  const Time limit = cycle_time * static_cast<std::int64_t>(setup.cycles) * 2 + std::chrono::seconds(1);
-  const std::uint64_t allocated = options.allocations == nullptr ? 0 : options.allocations();
-  constexpr std::uint64_t kLookAtStop = 4'096;
-  constexpr Time kLongestSleep = std::chrono::milliseconds(1);
-  bool ok = true;
-  for (std::uint64_t polls = 0; judge.totals().cycles < setup.cycles && now < limit; ++polls) {
-    Time due = bus->poll(now);
-    ok = judge.after_poll(*bus, now);
-    if (reader && ok) [[unlikely]] {
-      due = std::min(due, reader->drive(*bus, judge, now));
-      ok = reader->ok();
-    }
-    if (options.recorder != nullptr) [[unlikely]]
-      options.recorder->after_poll(*bus, encoder, judge.totals().cycles, now);
-    if (!ok) [[unlikely]]
-      break;
-    if (options.stop != nullptr && polls % kLookAtStop == 0 &&
-        options.stop->load(std::memory_order_relaxed)) {
-      result.stopped = true;
-      break;
-    }
-    Time next = due;
-    if (bus->reply_expected() != kNever) {
-      if (const Time event = encoder.line().next_event(); event > now) next = std::min(due, event);
-    }
-    // A reader may look at any time, and so does the judge: also at a bus that wants to be left alone for an hour.
-    now = std::max(now, std::min(next, now + kLongestSleep));
+  const auto play = [&](auto& stack) {
+    if (!compiled || !stack.start(Time{0})) return judge.fail(Rule::refused, Time{0}, 0, 0);
+    if (options.recorder != nullptr) options.recorder->begin(encoder);
+    return keep_polling(setup, options, encoder, stack, port, company, judge, result);
+  };
+  bool ok = false;
+  if (setup.axis) {
+    Axis<decltype(port)> axis(port, profile, what);
+    ok = play(axis);
+  } else {
+    Bus<decltype(port)> bus(port, profile, what.bus);
+    ok = play(bus);
   }
-  if (ok && options.allocations != nullptr && options.allocations() != allocated)
-    ok = judge.fail(Rule::heap, now, static_cast<std::int64_t>(options.allocations() - allocated), 0);
-  ok = ok && judge.at_end(bus->statistics(), now);
   if (!ok) result.violation = judge.violation();
   result.totals = judge.totals();
   result.totals.runs = 1;
+  result.totals.axis_runs = setup.axis ? 1 : 0;
+  result.totals.mixed_runs = setup.pattern.size() > 1 ? 1 : 0;
+  result.totals.slow_runs = setup.latency > Time{0} ? 1 : 0;
   return result;
 }
 

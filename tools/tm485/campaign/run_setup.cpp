@@ -5,36 +5,35 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 
 #include "quantity.hpp"
-#include "tm485/sim/random.hpp"
 
 namespace tm485::cli::campaign {
 namespace {
 
-using sim::FaultKind;
-using sim::FaultLine;
+using std::chrono::microseconds;
 
 /// The encoder of every run boots as long as its profiles promise at least; a shorter silence would be no restart.
 constexpr Time kBoot = std::chrono::milliseconds(55);
 
-class Dice {
- public:
-  explicit Dice(std::uint64_t seed) : random_(seed) {}
-  std::int64_t below(std::int64_t limit) { return random_.below(limit); }
-  bool once_in(std::int64_t n) { return below(n) == 0; }
-  double between(double low, double high) { return low + (high - low) * random_.unit(); }
-  /// 10 to a power between the two.
-  double decade(double low, double high) { return std::pow(10.0, between(low, high)); }
-  Time span(Time low, Time high) {
-    return low + Time{std::llround(between(0.0, 1.0) * static_cast<double>((high - low).count()))};
-  }
-  std::uint64_t seed() { return random_.next() >> 40; }
+/// T1 as section 4 of the specification has it.
+constexpr Time kShortT1{40'000};
+constexpr Time kLongT1{62'500};
+constexpr Time t1_of(DataId id) { return id == DataId::everything ? kLongT1 : kShortT1; }
+constexpr bool has_position(DataId id) { return id == DataId::everything || id == DataId::single_turn; }
 
- private:
-  sim::Random random_;
-};
+constexpr std::uint8_t number_of(DataId id) {
+  switch (id) {
+    case DataId::single_turn:
+      return 0;
+    case DataId::multi_turn:
+      return 1;
+    case DataId::encoder_id:
+      return 2;
+    default:
+      return 3;
+  }
+}
 
 std::string draw_motion(Dice& dice) {
   const double start = std::round(dice.between(-5.0, 5.0) * 1e3) * 1e-3;
@@ -56,121 +55,127 @@ std::string draw_motion(Dice& dice) {
   }
 }
 
-/// Times of a plan in whole microseconds: a plan is to be read.
-Time in_us(Time time) { return Time{time.count() / 1'000 * 1'000}; }
-
-FaultLine draw_fault(Dice& dice, Time length) {
-  constexpr std::array<FaultKind, 22> kOften{
-      FaultKind::bits,    FaultKind::bits,     FaultKind::bits,    FaultKind::burst,        FaultKind::burst,
-      FaultKind::stuck,   FaultKind::lose,     FaultKind::lose,    FaultKind::extra,        FaultKind::late,
-      FaultKind::t2,      FaultKind::wrong_cf, FaultKind::overrun, FaultKind::late_release, FaultKind::noise,
-      FaultKind::swapped, FaultKind::baud,     FaultKind::echo,    FaultKind::talker,       FaultKind::babble,
-      FaultKind::restart, FaultKind::alarm};
-  FaultLine line;
-  line.kind = kOften[static_cast<std::size_t>(dice.below(kOften.size()))];
-  if (dice.once_in(25)) line.kind = FaultKind::frozen;
-  line.seed = dice.seed();
-  const Time short_end = std::min<Time>(length, std::chrono::milliseconds(8));
-  const auto window = [&](Time shortest, Time longest) {
-    line.from = in_us(dice.span(Time{0}, length));
-    line.until =
-        line.from + std::max<Time>(in_us(dice.span(shortest, longest)), std::chrono::microseconds(1));
-  };
-  const auto rarely = [&] { line.probability = dice.decade(-4.0, -1.5); };
-  auto& value = line.values;
-  for (std::size_t k = 0; k < value.size(); ++k) value[k] = sim::info_of(line.kind).parameters[k].otherwise;
-  switch (line.kind) {
-    case FaultKind::bits:
-      value[0] = dice.once_in(2) ? dice.decade(-6.0, -3.0) : 0.0;
-      value[1] = dice.decade(-6.0, -2.5);
-      if (dice.once_in(2)) window(Time{0}, length);
-      break;
-    case FaultKind::burst:
-      value[0] = static_cast<double>(1 + dice.below(40));
-      value[1] = static_cast<double>(dice.below(3));
-      rarely();
-      break;
-    case FaultKind::stuck:
-      value[0] = static_cast<double>(dice.below(8));
-      value[1] = static_cast<double>(dice.below(2));
-      window(Time{0}, short_end);
-      break;
-    case FaultKind::lose:
-      value[0] = dice.once_in(3) ? 1.0 : dice.decade(-4.0, -1.0);
-      if (dice.once_in(2)) value[1] = dice.decade(-5.0, -2.0);
-      if (dice.once_in(4)) value[2] = dice.decade(-5.0, -2.0);
-      if (value[0] == 1.0) window(Time{0}, dice.once_in(8) ? std::chrono::milliseconds(70) : short_end);
-      break;
-    case FaultKind::extra:
-      value[0] = dice.decade(-5.0, -2.0);
-      value[1] = static_cast<double>(dice.below(3));
-      break;
-    case FaultKind::late:
-      value[0] = static_cast<double>(100 * (1 + dice.below(400)));
-      rarely();
-      break;
-    case FaultKind::t2:
-      value[0] = static_cast<double>(100 * dice.below(200));
-      rarely();
-      break;
-    case FaultKind::late_release:
-      value[0] = static_cast<double>(100 * (1 + dice.below(150)));
-      rarely();
-      break;
-    case FaultKind::wrong_cf:
-    case FaultKind::overrun:
-      rarely();
-      break;
-    case FaultKind::noise:
-      value[0] = dice.decade(-3.0, 0.0);
-      window(Time{0}, short_end);
-      break;
-    case FaultKind::swapped:
-      value[0] = static_cast<double>(dice.below(2));
-      window(Time{0}, short_end);
-      break;
-    case FaultKind::baud:
-      value[1] = static_cast<double>(dice.below(120'000) - 60'000) * 1e-6;
-      window(Time{0}, short_end);
-      break;
-    case FaultKind::echo:
-      window(Time{0}, short_end);
-      break;
-    case FaultKind::talker:
-      value[0] = static_cast<double>(
-          in_us(dice.span(std::chrono::microseconds(300), std::chrono::milliseconds(20))).count());
-      value[1] = static_cast<double>(1 + dice.below(8));
-      break;
-    case FaultKind::babble:
-      window(Time{0}, short_end);
-      break;
-    case FaultKind::restart:
-      line.from = in_us(dice.span(std::chrono::milliseconds(1), length));
-      value[0] = static_cast<double>(
-          in_us(dice.span(std::chrono::microseconds(10), std::chrono::milliseconds(5))).count());
-      break;
-    case FaultKind::alarm:
-      value[0] = static_cast<double>(dice.below(256));
-      window(Time{0}, length);
-      break;
-    case FaultKind::frozen:
-      window(Time{0}, short_end);
-      break;
+/// Several requests: positions in most slots, turns, ENID and all of the status now and then.
+Pattern draw_mix(Dice& dice) {
+  const Time slot = dice.once_in(2) ? kShortT1 : dice.span_us(microseconds(41), microseconds(90));
+  const auto some = [&](std::int64_t most) { return static_cast<std::uint8_t>(1 + dice.below(most)); };
+  switch (dice.below(4)) {
+    case 0:
+      return {slot, {{DataId::single_turn, 6}, {DataId::everything, 1, 2}}};
+    case 1:
+      return {slot,
+              {{DataId::single_turn, some(8)},
+               {DataId::multi_turn, 1},
+               {DataId::everything, 1, static_cast<std::uint8_t>(2 + dice.below(2))},
+               {DataId::encoder_id, 1}}};
+    case 2:
+      return {slot, {{DataId::single_turn, some(3)}, {DataId::multi_turn, 1}}};
+    default:
+      return {std::max(slot, kLongT1), {{DataId::everything, some(3)}, {DataId::single_turn, some(2)}}};
   }
-  return line;
 }
 
-Time period_of(const RunSetup& setup) {
-  if (setup.period > Time{0}) return setup.period;
-  return setup.id == DataId::everything ? Time{62'500} : Time{40'000};
+void draw_pattern(Dice& dice, RunSetup& setup) {
+  if (dice.once_in(5)) {
+    setup.pattern = draw_mix(dice);
+    return;
+  }
+  Cycle cycle{dice.once_in(3) ? DataId::single_turn : DataId::everything};
+  if (dice.once_in(2)) cycle.period = dice.span_us(microseconds(63), microseconds(250));
+  setup.pattern = cycle;
+}
+
+bool needs_unwrapping(const Pattern& pattern) {
+  for (std::size_t k = 0; k < pattern.size(); ++k)
+    if (pattern.step(k).id == DataId::single_turn) return true;
+  return false;
+}
+
+/// What goes on between the cycles, with the room that it needs.
+void draw_background(Dice& dice, RunSetup& setup) {
+  if (!dice.once_in(3)) return;
+  constexpr std::array kKinds{Background::eeprom_reads, Background::eeprom_writes, Background::resets};
+  setup.background = kKinds[static_cast<std::size_t>(dice.below(kKinds.size()))];
+  // A change of the page that keeps the line for 18 ms is refused where turns would be lost over it.
+  if (setup.writes_hold_the_line() && needs_unwrapping(setup.pattern)) setup.background = Background::resets;
+  // Either there are gaps, or slots are taken: one in so many.
+  if (dice.once_in(2)) {
+    setup.pattern.set_slot(dice.span_us(microseconds(120), microseconds(250)));
+  } else {
+    constexpr std::array<std::uint16_t, 3> kEvery{2, 4, 16};
+    setup.steal_every = kEvery[static_cast<std::size_t>(dice.below(kEvery.size()))];
+  }
+}
+
+/// A port without wire timestamps: the period leaves room for what it may be late by.
+void draw_port(Dice& dice, RunSetup& setup) {
+  if (dice.once_in(3)) setup.start_jitter = Time{dice.below(3'000)};
+  if (!dice.once_in(5)) return;
+  setup.latency = dice.span_us(microseconds(20), microseconds(150));
+  setup.start_jitter = Time{dice.below(setup.latency.count() / 3)};
+  setup.pattern.set_slot(kLongT1 + setup.latency + dice.span_us(microseconds(10), microseconds(150)));
+}
+
+/// The slot, or the shortest possible.
+Time slot_of(const Pattern& pattern) {
+  return pattern.slot() > Time{0} ? pattern.slot() : t1_of(pattern.step(0).id);
+}
+
+Time length_of(const RunSetup& setup) {
+  std::int64_t slots = 0;
+  for (std::size_t k = 0; k < setup.pattern.size(); ++k) slots += setup.pattern.step(k).slots;
+  return slot_of(setup.pattern) * slots * static_cast<std::int64_t>(setup.cycles) /
+         static_cast<std::int64_t>(setup.pattern.size());
 }
 
 }  // namespace
 
+Time RunSetup::cycle_time() const noexcept {
+  Time longest{0};
+  for (std::size_t k = 0; k < pattern.size(); ++k) {
+    const Pattern::Step& step = pattern.step(k);
+    // A late start moves a grid of the shortest period, so there a cycle takes as much longer.
+    longest = std::max({longest, slot_of(pattern) * step.slots, t1_of(step.id)});
+  }
+  // A port that hands a reply over late gets as much time again before it is asked anew.
+  return longest + start_jitter + latency * 2;
+}
+
+Time RunSetup::position_time() const noexcept {
+  std::int64_t most = 1;
+  std::int64_t between = 0;
+  for (std::size_t k = 0; k < 2 * pattern.size(); ++k) {
+    if (has_position(pattern.step(k % pattern.size()).id)) between = 0;
+    most = std::max(most, ++between);
+  }
+  return cycle_time() * most;
+}
+
+Time RunSetup::time_of_positions(int positions) const noexcept {
+  const Time undisturbed = position_time() * positions;
+  if (steal_every == 0) return undisturbed;
+  // Each that it takes is followed by at least so many that it leaves; one may go before the first.
+  return undisturbed + cycle_time() * (undisturbed / cycle_time() / (steal_every - 1) + 1);
+}
+
 std::string RunSetup::text() const {
-  return fmt::format("profile={}, ID{}, period {}, start jitter {}, {}, {}{} cycles", profile,
-                     id == DataId::everything ? 3 : 0, format_time(period_of(*this)),
-                     format_time(start_jitter), motion, eeprom ? "EEPROM reads, " : "", cycles);
+  std::string reads;
+  for (std::size_t k = 0; k < pattern.size(); ++k) {
+    const Pattern::Step& step = pattern.step(k);
+    reads += fmt::format("{}ID{}{}", k == 0 ? "" : " ", number_of(step.id),
+                         step.slots > 1 ? fmt::format("/{}", step.slots) : "");
+  }
+  std::string text = fmt::format("profile={}, {}, period {}, start jitter {}, {}", profile, reads,
+                                 format_time(slot_of(pattern)), format_time(start_jitter), motion);
+  if (latency > Time{0}) text += fmt::format(", a port without timestamps, {} late", format_time(latency));
+  if (axis) {
+    constexpr std::array<const char*, 3> kPolicies{"until resumed", "until homed", "re-reference"};
+    text += fmt::format(", servo loop, {}", kPolicies[static_cast<std::size_t>(after_restart)]);
+  }
+  constexpr std::array<const char*, 4> kBackground{"", ", EEPROM reads", ", EEPROM writes", ", resets"};
+  text += kBackground[static_cast<std::size_t>(background)];
+  if (steal_every != 0) text += fmt::format(", one slot in {} taken", steal_every);
+  return text + fmt::format(", {} cycles", cycles);
 }
 
 sim::SimOptions RunSetup::sim_options() const {
@@ -195,19 +200,16 @@ RunSetup draw_run(std::uint64_t seed, std::uint64_t run, std::uint64_t cycles,
   constexpr std::array<const char*, 5> kProfiles{"tm485_17", "tm485_23", "tformat_17", "tformat_23",
                                                  "tformat_17_battery"};
   setup.profile = kProfiles[static_cast<std::size_t>(dice.below(kProfiles.size()))];
-  setup.id = dice.once_in(3) ? DataId::single_turn : DataId::everything;
-  if (dice.once_in(2))
-    setup.period = in_us(dice.span(std::chrono::microseconds(63), std::chrono::microseconds(250)));
-  if (dice.once_in(3)) setup.start_jitter = Time{dice.below(3'000)};
-  // Where the EEPROM lets the cycle go on, and the period has room for another exchange.
-  setup.eeprom = setup.profile.starts_with("tformat") && dice.once_in(3);
-  if (setup.eeprom)
-    setup.period = in_us(dice.span(std::chrono::microseconds(120), std::chrono::microseconds(250)));
+  draw_pattern(dice, setup);
+  draw_background(dice, setup);
+  draw_port(dice, setup);
+  setup.axis = dice.once_in(4);
+  if (setup.axis) setup.after_restart = static_cast<Continuity>(dice.below(3));
   setup.motion = draw_motion(dice);
   setup.shaft = setup.sim_options().motion;
-  const Time length = period_of(setup) * static_cast<std::int64_t>(setup.cycles);
+  const Time length = length_of(setup);
   if (plan) {
-    for (FaultLine line : plan->lines()) {
+    for (sim::FaultLine line : plan->lines()) {
       const std::uint64_t own = dice.seed();
       if (!line.seed) line.seed = own;
       (void)setup.plan.add(line);

@@ -1,10 +1,14 @@
-// RunSetup: one run of the campaign: encoder, cycle, movement and fault plan, all of it drawn from a seed and a number.
+// RunSetup: one run of the campaign: encoder, port, what is read how, movement and fault plan, all of it drawn from a seed
+// and a number.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <string>
 
+#include "campaign/dice.hpp"
+#include "tm485/bus/pattern.hpp"
+#include "tm485/motion/axis_config.hpp"
 #include "tm485/protocol/control_field.hpp"
 #include "tm485/sim/fault_plan.hpp"
 #include "tm485/sim/motion_profile.hpp"
@@ -13,15 +17,28 @@
 
 namespace tm485::cli::campaign {
 
+/// What goes on between the cycles.
+enum class Background : std::uint8_t {
+  none,
+  eeprom_reads,
+  eeprom_writes,  ///< and reads
+  resets,         ///< of errors, turns and zero
+};
+
 /// A value; the same seed and run give the same one on every machine.
 struct RunSetup {
   std::uint64_t seed = 1;
   std::uint64_t run = 0;
   std::string profile = "tm485_17";
-  DataId id = DataId::everything;
-  Time period{0};  ///< 0: the shortest possible
+  /// What is read: of one ID, or of several if there is more than one step.
+  Pattern pattern;
   Time start_jitter{0};
-  bool eeprom = false;            ///< it is read in the background
+  /// Of a port that does not know when anything was on the line: it hands bytes over up to so late; 0: a port that knows.
+  Time latency{0};
+  bool axis = false;  ///< with a servo loop that reads, lets go and takes hold; otherwise a bus alone
+  Continuity after_restart = Continuity::until_resumed;
+  Background background = Background::none;
+  std::uint16_t steal_every = 0;  ///< BusConfig::steal_every
   std::uint64_t cycles = 20'000;  ///< after so many it ends
   std::string motion;             ///< in the words of sim::parse_sim_options
   sim::MotionProfile shaft;
@@ -31,10 +48,21 @@ struct RunSetup {
   [[nodiscard]] std::string text() const;
   /// What the simulated encoder is told.
   [[nodiscard]] sim::SimOptions sim_options() const;
+  /// From one request of the cycle to the next, at most, without a fault.
+  [[nodiscard]] Time cycle_time() const noexcept;
+  /// From one position to the next, at most, likewise, if the background takes no slot.
+  [[nodiscard]] Time position_time() const noexcept;
+  /// For so many of them, with the slots that the background may take meanwhile.
+  [[nodiscard]] Time time_of_positions(int positions) const noexcept;
+  /// Writes to the EEPROM of this encoder keep everything else from the line.
+  [[nodiscard]] bool writes_hold_the_line() const { return profile.starts_with("tm485"); }
 };
 
 /// Draws the run. With a `plan` its faults are these, otherwise they are drawn too. `cycles` of 0: the default.
 [[nodiscard]] RunSetup draw_run(std::uint64_t seed, std::uint64_t run, std::uint64_t cycles,
                                 const std::optional<sim::FaultPlan>& plan);
+
+/// One line of a plan for a run of this length.
+[[nodiscard]] sim::FaultLine draw_fault(Dice& dice, Time length);
 
 }  // namespace tm485::cli::campaign
