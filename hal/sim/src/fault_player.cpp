@@ -204,6 +204,11 @@ bool FaultPlayer::on_burst(Burst& burst) noexcept {
     const Time end = burst.start + stage_.character_time * burst.count;
     if (end + kLookAhead >= next_restart_) [[unlikely]] {
       for (Fault* const fault : restarts_) restart_if_due(*fault, end + kLookAhead);
+      // One that came and went while nobody spoke has touched no burst; it has happened all the same.
+      if (restarted_until_ < burst.start && restarted_until_ > effects_.last) {
+        effects_.last = restarted_until_;
+        effects_.restarted = true;
+      }
     }
     if (drifting_) [[unlikely]]
       distort(burst.start);

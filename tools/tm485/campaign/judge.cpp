@@ -92,7 +92,7 @@ bool Judge::find_origin(const Sample& sample, Time now) noexcept {
   new_origin_ = false;
   origin_ = origin(sample.latch_time());
   if (!carries_turns_) return true;
-  const std::int64_t off = sample.position() - encoder_->model().shaft_counts(sample.latch_time());
+  const std::int64_t off = sample.position() - encoder_->model().last_latch().counts;
   const std::int64_t turns = (off + turn_ / 2) >> std::countr_zero(static_cast<std::uint64_t>(turn_));
   carried_ = carries ? turns * turn_ : 0;
   const std::int64_t step = std::abs(sample.position() - position_);
@@ -106,13 +106,16 @@ bool Judge::find_origin(const Sample& sample, Time now) noexcept {
 void Judge::on_frozen(const Sample& sample, Time before) noexcept {
   constexpr double kNoise = 8.0;  // counts, of all roundings
   ++frozen_samples_;
+  turns_wrong_ = true;  // while it stood still the shaft may have made some
   if (frozen_samples_ == 1) {
     could_stand_ = false;
   } else if (frozen_samples_ == 2) {
     const auto dt = static_cast<double>((sample.latch_time() - before).count());
     const std::int64_t moved =
         encoder_->model().shaft_counts(sample.latch_time()) - encoder_->model().shaft_counts(before);
-    could_stand_ = static_cast<double>(std::abs(moved)) <= 2.0 * stopping_ * dt * dt + kNoise;
+    // Where the latch is not known, nor is the speed; the half-width has what that makes.
+    const double unknown = slow_ ? static_cast<double>(sample.half_width()) : 0.0;
+    could_stand_ = static_cast<double>(std::abs(moved)) <= 2.0 * stopping_ * dt * dt + kNoise + unknown;
   }
   if (sample.discontinuities() != steps_before_) could_stand_ = true;
 }
@@ -132,9 +135,9 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   const bool has_turns = id_ == DataId::everything;
   // A zero reset whose end was lost in noise takes effect while the cycle is on again; from a step that the shaft can have made
   // nobody sees it.
-  const bool late_zero = resets_ && origin(sample.latch_time()) != origin_;
-  const bool turns_unknown = late_zero || (reads_turns_ ? turns_wrong_ && !has_turns
-                                                        : sample.discontinuities() != steps_at_startup_);
+  const bool late_zero = resets_ && !has_turns && origin(sample.latch_time()) != origin_;
+  const bool stepped = !reads_turns_ && sample.discontinuities() != steps_at_startup_;
+  const bool turns_unknown = late_zero || stepped || (turns_wrong_ && !has_turns);
   if (has_turns) turns_wrong_ = off > turn_ / 2;
   if (off > turn_ / 2 && turns_unknown) {
     ++totals_.lost_turns;

@@ -183,6 +183,7 @@ class Judge {
   void on_startup(const Sample& sample) noexcept {
     if (writes_hold_) pause(encoder_->model().eeprom().busy_until());  // a write that start-up has cut off
     through_startup_ = true;
+    turns_wrong_ = false;
     could_stand_ = true;  // nothing is known of its speed
     frozen_samples_ = 1;
     steps_at_startup_ = sample.discontinuities();
@@ -219,8 +220,9 @@ class Judge {
   bool stepped_ = false;         // the last fresh sample was wrong, so that the next right one is a step
   unsigned wrong_in_a_row_ = 0;  // readings of changed frames, since a right one
   unsigned wrong_turns_in_a_row_ = 0;  // of those that have turns: their row goes on over right ones without
-  bool turns_wrong_ = false;           // the last sample that had turns was off by some
-  unsigned frozen_samples_ = 0;        // fresh ones since the sensor froze
+  bool turns_wrong_ =
+      false;  // the last sample that had turns was off by some, or the sensor has stood still since
+  unsigned frozen_samples_ = 0;  // fresh ones since the sensor froze
   std::uint32_t steps_at_startup_ = 0;
   bool could_stand_ = false;        // the shaft could have stopped when the sensor did
   std::uint32_t steps_before_ = 0;  // discontinuities, as of the last one before

@@ -21,6 +21,7 @@ class LoopReader {
       : encoder_(&encoder),
         dice_(setup.seed + setup.run + 17),
         after_restart_(setup.after_restart),
+        alone_(setup.background == Background::none),
         period_(setup.cycle_time()),
         fresh_bound_(setup.time_of_positions(1) + kLongestExchange + setup.latency),
         max_hold_(max_hold),
@@ -204,9 +205,9 @@ class LoopReader {
       return after_restart_ != Continuity::until_homed || referenced_ ||
              judge.fail(Rule::axis, now, 0, 1, "taken hold before it was homed");
     }
-    // A good line since it was asked, and nothing else stands against it.
+    // A good line since it was asked, and nothing that takes slots between two ticks, stands against it.
     const bool may = after_restart_ != Continuity::until_homed || referenced_;
-    return !may || fresh_since_ > open.posted || judge.effects().last >= open.posted ||
+    return !may || !alone_ || fresh_since_ > open.posted || judge.effects().last >= open.posted ||
            judge.fail(Rule::axis, now, 0, 1, "resume was refused although samples are fresh");
   }
 
@@ -215,6 +216,7 @@ class LoopReader {
   sim::SimulatedEncoder* encoder_;
   Dice dice_;
   Continuity after_restart_;
+  bool alone_;  // there is nothing in the background
   Time period_;
   Time fresh_bound_;
   Time max_hold_;
