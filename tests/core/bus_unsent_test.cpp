@@ -1,6 +1,8 @@
 // A request that a bus on a port without wire timestamps could not send.
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include "support/bus_fixture.hpp"
 
 namespace tm485 {
@@ -34,6 +36,26 @@ TEST_F(BusUnsent, ARequestThatWasNotSentKeepsNoT1) {
   const Time failed = driver.now;
   driver.run(*bus, port, driver.now + ms(5), [&] { return port.sent.size() > sent; });
   EXPECT_LE(port.sent.back().start - failed, us(200)) << "the cycle goes on";
+}
+
+// Found by the campaign (seed 485, run 44, with a talker): a request left later than the bus could know, somebody else's bytes
+// came before its reply, as many as a reply has, and were taken for proof that it had left long before: T1 was undercut.
+TEST_F(BusUnsent, BytesOfSomebodyElseProveNothingOfWhenARequestLeft) {
+  port.be_slow(us(100));
+  config.cycle = Cycle{DataId::everything, us(170)};
+  Time once{0};
+  port.lateness = [&] { return std::exchange(once, Time{0}); };
+  begin_running();
+  for (int delay = 0; delay <= 60; delay += 5) {
+    run_cycles(3);
+    once = us(delay);
+    const std::size_t sent = port.sent.size();
+    driver.run(*bus, port, driver.now + ms(2), [&] { return port.sent.size() > sent; });
+    port.inject(driver.now + us(6), test::Bytes(11, 0x55));  // as early as a reply could be
+    run_cycles(3);
+    expect_t1_kept();
+    ASSERT_FALSE(HasFailure()) << delay;
+  }
 }
 
 }  // namespace

@@ -41,6 +41,10 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       position_time_(setup.position_time()),
       loss_bound_(setup.cycle_time() * kCyclesUntilLoss + kLongestExchange),
       recovery_bound_(setup.time_of_positions(kCyclesUntilFresh) + kLongestExchange),
+      step_bound_(setup.time_of_positions(
+                      reads_turns_ ? std::max(kCyclesUntilFresh, static_cast<int>(setup.pattern.size()))
+                                   : kCyclesUntilFresh) +
+                  kLongestExchange),
       startup_bound_(setup.time_of_positions(kCyclesAfterStartup) + kLongestExchange),
       turn_(std::int64_t{1} << profile.profile().single_turn_bits),
       uncertain_(uncertainty(profile)),

@@ -177,7 +177,7 @@ class Judge {
     if (bus.state() == BusState::startup) [[unlikely]]
       on_startup(sample);
     const Time since = now - std::max({effects_->last, fresh_latch_, clear_since_});
-    const Time bound = through_startup_ ? startup_bound_ : recovery_bound_;
+    const Time bound = through_startup_ ? startup_bound_ : stepped_ ? step_bound_ : recovery_bound_;
     return since <= bound || fail(Rule::recovery, now, since.count(), bound.count());
   }
   void on_startup(const Sample& sample) noexcept {
@@ -203,6 +203,7 @@ class Judge {
   Time position_time_;
   Time loss_bound_;
   Time recovery_bound_;
+  Time step_bound_;  // where turns are read now and then, a step waits for a reply that has them
   Time startup_bound_;
   std::int64_t turn_;
   std::int64_t uncertain_;  // counts that the shaft turns in the uncertainty of the latch

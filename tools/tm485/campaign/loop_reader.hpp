@@ -21,7 +21,7 @@ class LoopReader {
       : encoder_(&encoder),
         dice_(setup.seed + setup.run + 17),
         after_restart_(setup.after_restart),
-        alone_(setup.background == Background::none),
+        alone_(setup.background == Background::none && setup.latency == Time{0}),
         period_(setup.cycle_time()),
         fresh_bound_(setup.time_of_positions(1) + kLongestExchange + setup.latency),
         max_hold_(max_hold),
@@ -114,6 +114,8 @@ class LoopReader {
                           static_cast<std::int64_t>(held_power_ups_), "held on through a restart");
       held_power_ups_ = power_ups_;
     }
+    // A start-up can be over between two ticks. Where it resumes by itself the loop has then seen nothing of it.
+    if (carries && told_to_let_go_ > let_go_) take_hold(sample, judge);
     if (told_to_let_go_ > let_go_)
       return judge.fail(Rule::axis, now, told_to_let_go_, let_go_, "usable after the torque was taken away");
     return true;
@@ -216,7 +218,7 @@ class LoopReader {
   sim::SimulatedEncoder* encoder_;
   Dice dice_;
   Continuity after_restart_;
-  bool alone_;  // there is nothing in the background
+  bool alone_;  // nothing in the background or in the port delays a cycle that has no fault
   Time period_;
   Time fresh_bound_;
   Time max_hold_;

@@ -56,11 +56,14 @@ Time Bus<P>::latch_uncertainty(Time seen) const noexcept {
 template <Port P>
 void Bus<P>::finish(Time now) noexcept {
   if (!capability_.wire_timestamps && !unsent_) {
-    // Without a byte of a reply, all that is known is that the request has left.
+    // Without a frame that holds all that is known is that the request has left; other bytes may be somebody else's, and do not
+    // even say that.
     const DataId id = exchange_.id();
-    const Time shortest = exchange_.has_reply_delay() ? profile_->exchange_min(id, exchange_.reply().size())
-                                                      : profile_->request_time(id);
-    spacing_.on_reply_seen(now, shortest, profile_->t1(exchange_.request()));
+    const Time t1 = profile_->t1(exchange_.request());
+    const bool heard = exchange_.error() == Errc::ok && Frame::parse(exchange_.reply(), id).has_value();
+    spacing_.on_reply_seen(now, heard ? profile_->exchange_min(id) : profile_->request_time(id), t1);
+    if (!heard && exchange_.has_reply_delay())
+      spacing_.hold_off(exchange_.start() + capability_.latency_allowance + t1);
   }
   if (exchange_.error() != Errc::ok) [[unlikely]]
     settle(now);
