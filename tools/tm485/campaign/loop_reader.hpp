@@ -24,6 +24,7 @@ class LoopReader {
         alone_(setup.background == Background::none && setup.latency == Time{0}),
         period_(setup.cycle_time()),
         fresh_bound_(setup.time_of_positions(1) + kLongestExchange + setup.latency),
+        in_flight_(kLongestExchange + setup.latency),
         max_hold_(max_hold),
         next_(period_),
         power_ups_(encoder.model().statistics().power_ups) {}
@@ -122,7 +123,7 @@ class LoopReader {
   }
 
   [[nodiscard]] bool restarted_since_let_go(const Sample& sample) const noexcept {
-    return sample.latch_time() > let_go_at_;
+    return sample.latch_time() > let_go_at_ - in_flight_;  // it may have been under way then
   }
 
   void take_hold(const Sample& sample, Judge& judge) noexcept {
@@ -221,6 +222,7 @@ class LoopReader {
   bool alone_;  // nothing in the background or in the port delays a cycle that has no fault
   Time period_;
   Time fresh_bound_;
+  Time in_flight_;
   Time max_hold_;
   Time next_;
   std::array<Open, kAxisCommands> open_{};
