@@ -98,8 +98,9 @@ void draw_background(Dice& dice, RunSetup& setup) {
   setup.background = kKinds[static_cast<std::size_t>(dice.below(kKinds.size()))];
   // A change of the page that keeps the line for 18 ms is refused where turns would be lost over it.
   if (setup.writes_hold_the_line() && needs_unwrapping(setup.pattern)) setup.background = Background::resets;
-  // Either there are gaps, or slots are taken: one in so many.
-  if (dice.once_in(2)) {
+  // Either there are gaps, or slots are taken: one in so many. Of a pattern that could always be the one with the position.
+  const bool gaps = dice.once_in(2);
+  if (gaps || setup.pattern.size() > 1) {
     setup.pattern.set_slot(dice.span_us(microseconds(120), microseconds(250)));
   } else {
     constexpr std::array<std::uint16_t, 3> kEvery{2, 4, 16};
