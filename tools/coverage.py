@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 GOALS = (98.0, 90.0)
 
 
-def report_of(data):
+def report_of(data, build):
     """The lines of the core in one object: {file: [(line, function, count, [branch counts])]}."""
     out = subprocess.run(["gcov", "--json-format", "--stdout", "--branch-probabilities", data.name], cwd=data.parent,
                          capture_output=True, check=True).stdout
@@ -33,7 +33,7 @@ def report_of(data):
         if not text.strip():
             continue
         for file in json.loads(text)["files"]:
-            path = os.path.normpath(os.path.join(data.parent, file["file"]))
+            path = os.path.normpath(os.path.join(build, file["file"]))  # Ninja compiles there; ccache may make it relative
             name = os.path.relpath(path, ROOT)
             if not name.startswith("core/"):
                 continue
@@ -52,7 +52,7 @@ def main():
     lines = defaultdict(lambda: defaultdict(int))
     branches = defaultdict(lambda: defaultdict(dict))  # file, line, function: counts
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 2) as pool:
-        for report in pool.map(report_of, data):
+        for report in pool.map(report_of, data, [build] * len(data)):
             for name, entries in report.items():
                 for number, function, count, ways in entries:
                     lines[name][number] += count
@@ -62,6 +62,8 @@ def main():
                             old += [0] * (len(ways) - len(old))
                         branches[name][number][function] = [a + b for a, b in zip(old, ways + [0] * (len(old) - len(ways)))]
 
+    if not lines:
+        raise SystemExit(f"coverage: no line of core/ in what {build} has counted")
     excuses = []
     for number, text in enumerate(exceptions.read_text().splitlines(), 1):
         if not text.strip() or text.startswith("#"):
