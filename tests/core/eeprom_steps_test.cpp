@@ -1,0 +1,295 @@
+// The EEPROM manager request by request, against replies written by hand: how long it insists, and what it says when it
+// gives up. On the encoder model: tests/integration/eeprom_campaign_test.cpp.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "support/completions.hpp"
+#include "support/print.hpp"
+#include "support/profiles.hpp"
+#include "tm485/bus/eeprom.hpp"
+
+namespace tm485 {
+namespace {
+
+using test::ms;
+using test::us;
+
+constexpr unsigned kBytes = 7 * 127;
+
+class EepromSteps : public testing::Test {
+ protected:
+  /// The next request, as soon as it is due. Ends the test if there is none.
+  Request ask() {
+    now = std::max(now, manager->due());
+    const auto request = manager->next(now);
+    if (!request) throw std::runtime_error("nothing is due");
+    return *request;
+  }
+  void answer(const Request& request, std::uint8_t adf, std::uint8_t edf, Errc why = Errc::ok) {
+    const std::uint8_t cf = request.id() == DataId::eeprom_write ? 0x32 : 0xEA;
+    manager->on_completion(test::heard(request, test::eeprom_reply(cf, adf, edf), profile, why),
+                           now += us(100));
+  }
+  /// The encoder does what it is asked.
+  void obey(const Request& request) {
+    if (request.id() == DataId::eeprom_write) {
+      (request.address() == 127 ? page : memory.at(page * 127U + request.address())) = request.data();
+      return answer(request, request.address(), request.data());
+    }
+    answer(request, request.address(),
+           request.address() == 127 ? page : memory.at(page * 127U + request.address()));
+  }
+  void fail(const Request& request) { manager->on_completion(test::failed(request), now += us(100)); }
+  void write(unsigned at, std::uint8_t wanted) {
+    byte[0] = wanted;
+    ASSERT_TRUE(manager->start_write(at, byte));
+  }
+  [[nodiscard]] EepromError outcome() const { return manager->outcome().value_or(EepromError{Errc::busy}); }
+
+  CompiledProfile profile = test::compiled("tm485_17");
+  std::array<std::uint8_t, kBytes> memory{};
+  std::uint8_t page = 0;
+  std::array<std::uint8_t, kBytes> value{};
+  std::array<bool, kBytes> known{};
+  std::array<std::uint8_t, 1> byte{};
+  std::optional<EepromManager> manager{std::in_place, profile};
+  Time now{ms(1'000)};
+};
+
+TEST_F(EepromSteps, AByteIsWrittenAndReadBack) {
+  write(127 + 5, 0x42);
+  std::vector<std::string> asked;
+  while (manager->active()) {
+    const Request request = ask();
+    EXPECT_FALSE(manager->next(now)) << "one at a time";
+    EXPECT_EQ(manager->due(), kNever);
+    asked.push_back((request.id() == DataId::eeprom_write ? "w" : "r") + std::to_string(request.address()));
+    obey(request);
+  }
+  // Which page, select, look, what is there, which page after the write is still known: write, read back.
+  EXPECT_EQ(asked, (std::vector<std::string>{"r127", "w127", "r127", "r5", "w5", "r5"}));
+  EXPECT_EQ(outcome().code, Errc::ok);
+  EXPECT_EQ(memory[127 + 5], 0x42);
+  EXPECT_EQ(manager->progress().writes, 1U);
+  EXPECT_EQ(manager->progress().page_selects, 1U);
+  EXPECT_EQ(manager->progress().done, 1U);
+  EXPECT_EQ(manager->page(), std::optional<std::uint8_t>(1));
+  EXPECT_FALSE(manager->in_doubt());
+}
+
+TEST_F(EepromSteps, WaitsUntilAWriteIsDone) {
+  write(5, 0x42);
+  obey(ask());  // the page
+  obey(ask());  // what is there
+  obey(ask());
+  EXPECT_EQ(manager->due(), now + ms(10)) << "the byte";
+  EXPECT_FALSE(manager->next(now + ms(10) - Time{1}));
+  obey(ask());
+  EXPECT_EQ(outcome().code, Errc::ok);
+  write(127, 1);
+  now += ms(1);
+  obey(ask());  // the page is still known
+  EXPECT_EQ(manager->due(), now + ms(18)) << "the page register";
+}
+
+TEST_F(EepromSteps, APageThatIsNotTakenEndsIt) {
+  std::array<std::uint8_t, 3> to{};
+  ASSERT_TRUE(manager->start_read(3 * 127, to));
+  unsigned selects = 0;
+  while (const auto request = manager->next(now = std::max(now, manager->due()))) {
+    if (request->id() == DataId::eeprom_write) ++selects;
+    answer(*request, 127, request->id() == DataId::eeprom_write ? request->data() : std::uint8_t{6});
+  }
+  EXPECT_EQ(selects, 6U);
+  EXPECT_EQ(outcome().code, Errc::eeprom_page_refused);
+  EXPECT_EQ(outcome().page, 3);
+  EXPECT_EQ(outcome().wanted, 3);
+  EXPECT_EQ(outcome().found, 6);
+}
+
+TEST_F(EepromSteps, AByteThatDoesNotTakeEndsIt) {
+  write(9, 0x42);
+  unsigned writes = 0;
+  while (manager->active() && now < ms(60'000)) {
+    const Request request = ask();
+    if (request.id() == DataId::eeprom_write) ++writes;
+    answer(request, request.address(),
+           request.id() == DataId::eeprom_write ? request.data() : std::uint8_t{0});
+    if (writes == 1 && manager->active()) {
+      ASSERT_TRUE(manager->in_doubt());
+      EXPECT_EQ(manager->in_doubt()->address, 9);
+      EXPECT_EQ(manager->in_doubt()->pages, 0U);
+    }
+  }
+  EXPECT_EQ(writes, 7U) << "once, and six times more";
+  EXPECT_EQ(outcome().code, Errc::eeprom_mismatch);
+  EXPECT_EQ(outcome().address, 9);
+  EXPECT_EQ(outcome().wanted, 0x42);
+  EXPECT_EQ(outcome().found, 0);
+}
+
+TEST_F(EepromSteps, BusyIsAskedAgainButNotForEver) {
+  std::array<std::uint8_t, 1> to{};
+  ASSERT_TRUE(manager->start_read(2, to));
+  obey(ask());
+  const Time begun = now;
+  unsigned looks = 0;
+  while (manager->active() && looks < 1'000) {
+    const Request request = ask();
+    ++looks;
+    answer(request, static_cast<std::uint8_t>(request.address() | 0x80), 0, Errc::eeprom_busy);
+    if (manager->active()) {
+      EXPECT_EQ(manager->due(), now + us(500));
+    }
+  }
+  EXPECT_EQ(looks, 201U);
+  EXPECT_EQ(outcome().code, Errc::eeprom_busy);
+  EXPECT_LT(now - begun, ms(200));
+}
+
+TEST_F(EepromSteps, AWriteWithoutEchoIsLookedAt) {
+  manager.emplace(profile, EepromKnowledge{value, known});
+  known.fill(true);
+  write(2, 0x42);
+  obey(ask());
+  obey(ask());
+  const Request lost = ask();
+  ASSERT_EQ(lost.id(), DataId::eeprom_write);
+  memory[2] = 0x42;
+  memory[7] = 0x99;  // noise has made another write of it as well
+  fail(lost);
+  ASSERT_TRUE(manager->in_doubt());
+  EXPECT_EQ(manager->in_doubt()->pages, 1U);
+  EXPECT_GE(manager->due(), now + ms(10)) << "it may be at work";
+  while (manager->active()) obey(ask());
+  EXPECT_EQ(outcome().code, Errc::ok);
+  EXPECT_EQ(memory[7], 0) << "put back";
+  EXPECT_EQ(memory[2], 0x42);
+  EXPECT_EQ(manager->progress().repaired, 1U);
+  EXPECT_EQ(manager->progress().retries, 1U);
+  EXPECT_EQ(manager->progress().writes, 2U);
+  EXPECT_EQ(manager->progress().unconfirmed_pages, 0U);
+}
+
+TEST_F(EepromSteps, AWriteWithoutEchoLeavesItsPageUnconfirmedIfNothingIsKnown) {
+  page = 2;
+  write(2 * 127 + 9, 0x42);
+  obey(ask());
+  obey(ask());
+  fail(ask());
+  while (manager->active()) obey(ask());
+  EXPECT_EQ(outcome().code, Errc::ok);
+  EXPECT_EQ(memory[2 * 127 + 9], 0x42);
+  EXPECT_EQ(manager->progress().unconfirmed_pages, 1U << 2);
+}
+
+TEST_F(EepromSteps, ABytePutBackThatDoesNotTakeEndsIt) {
+  manager.emplace(profile, EepromKnowledge{value, known});
+  known.fill(true);
+  value[7] = 0x55;
+  memory[7] = 0x55;
+  write(2, 0x42);
+  obey(ask());
+  obey(ask());
+  fail(ask());
+  while (manager->active() && now < ms(60'000)) {
+    const Request request = ask();
+    if (request.address() == 7) memory[7] = 0x11;  // worn out
+    if (request.id() == DataId::eeprom_write && request.address() == 7) {
+      answer(request, 7, request.data());
+    } else {
+      obey(request);
+    }
+  }
+  EXPECT_EQ(outcome().code, Errc::eeprom_mismatch);
+  EXPECT_EQ(outcome().address, 7);
+  EXPECT_EQ(outcome().wanted, 0x55);
+  EXPECT_EQ(outcome().found, 0x11);
+}
+
+TEST_F(EepromSteps, AByteOfWhichNothingIsKnownStaysUnconfirmed) {
+  manager.emplace(profile, EepromKnowledge{value, known});
+  known.fill(true);
+  known[7] = false;
+  write(2, 0x42);
+  obey(ask());
+  obey(ask());
+  fail(ask());
+  while (manager->active()) obey(ask());
+  EXPECT_EQ(outcome().code, Errc::ok);
+  EXPECT_EQ(manager->progress().unconfirmed_pages, 1U);
+}
+
+TEST_F(EepromSteps, AnEchoOfAnotherByteOfWhichNothingIsKnownEndsIt) {
+  write(127 + 2, 0x42);
+  page = 1;
+  obey(ask());
+  obey(ask());
+  const Request request = ask();
+  ASSERT_EQ(request.id(), DataId::eeprom_write);
+  answer(request, 9, 0x42, Errc::eeprom_address_mismatch);
+  EXPECT_EQ(outcome().code, Errc::eeprom_mismatch);
+  EXPECT_EQ(outcome().page, 1);
+  EXPECT_EQ(outcome().address, 9);
+  EXPECT_EQ(outcome().found, 0x42);
+}
+
+TEST_F(EepromSteps, GivesUpOnlyWhenTheEncoderHadTimeToBoot) {
+  std::array<std::uint8_t, 1> to{};
+  ASSERT_TRUE(manager->start_read(2, to));
+  const Time begun = now;
+  unsigned asked = 0;
+  Time fourth{0};
+  while (manager->active() && asked < 10'000) {
+    if (++asked == 4) fourth = now;
+    fail(ask());
+  }
+  EXPECT_EQ(outcome().code, Errc::timeout);
+  EXPECT_EQ(fourth - begun, us(300)) << "three times at once";
+  EXPECT_GT(now - begun, ms(2'000)) << "twice the power-up time";
+  EXPECT_LT(now - begun, ms(2'100));
+  EXPECT_EQ(manager->progress().retries, asked);
+}
+
+TEST_F(EepromSteps, ARefusalForWantOfAGapEndsItAnyOtherIsTriedAgain) {
+  std::array<std::uint8_t, 1> to{};
+  ASSERT_TRUE(manager->start_read(2, to));
+  (void)ask();
+  manager->on_refused(Errc::busy, now);
+  EXPECT_TRUE(manager->active());
+  (void)ask();
+  manager->on_refused(Errc::no_gap, now);
+  EXPECT_EQ(outcome().code, Errc::no_gap);
+}
+
+TEST_F(EepromSteps, RangesAndKnowledgeMustFit) {
+  std::array<std::uint8_t, 2> to{};
+  EXPECT_EQ(manager->start_read(kBytes - 1, to), std::unexpected(Errc::bad_argument));
+  EXPECT_EQ(manager->start_read(kBytes, std::span(to).first(1)), std::unexpected(Errc::bad_argument));
+  EXPECT_EQ(manager->start_read(0, std::span(to).first(0)), std::unexpected(Errc::bad_argument));
+  EXPECT_TRUE(manager->start_read(kBytes - 2, to));
+  EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::busy));
+  manager.emplace(profile, EepromKnowledge{value, std::span(known).first(kBytes - 1)});
+  EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::bad_argument));
+  manager.emplace(profile, EepromKnowledge{std::span(value).first(kBytes - 1), known});
+  EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::bad_argument));
+}
+
+TEST_F(EepromSteps, TheTimeThatIsLeftShrinks) {
+  std::array<std::uint8_t, 254> bytes{};
+  EXPECT_EQ(manager->time_left(), Time{0});
+  ASSERT_TRUE(manager->start_write(0, bytes));
+  const Time look = profile.t1(DataId::eeprom_read);
+  EXPECT_EQ(manager->time_left(), 254 * (ms(10) + 2 * look) + 2 * ms(18));
+  while (manager->progress().done < 128) obey(ask());
+  EXPECT_EQ(manager->time_left(), 126 * (ms(10) + 2 * look));
+  manager.emplace(profile);
+  ASSERT_TRUE(manager->start_read(0, bytes));
+  EXPECT_EQ(manager->time_left(), 254 * look + 2 * ms(18));
+}
+
+}  // namespace
+}  // namespace tm485
