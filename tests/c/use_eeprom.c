@@ -74,6 +74,12 @@ int use_eeprom(const test_line* line, const char* preset, bool knows, bool in_ax
   CHECK(tm485_eeprom_start_write(&eeprom, first, written, kRange) == TM485_OK);
   CHECK(tm485_eeprom_start_read(&eeprom, first, read, kRange) == TM485_ERR_BUSY);
   CHECK(tm485_eeprom_time_left(&eeprom) > TM485_MS(300));
+  for (i = 0; i < 100000 && !tm485_eeprom_in_doubt(&eeprom, &doubt); ++i) {
+    const tm485_time due = poll_it(&it, now);
+    const tm485_time asked = tm485_eeprom_drive(&eeprom, it.bus, now);
+    now = next_time(line, now, due < asked ? due : asked);
+  }
+  CHECK(i < 100000 && doubt.page == 2 && doubt.address == 110);
   finish(&eeprom, &it, line, &now);
   CHECK(tm485_eeprom_get_outcome(&eeprom, &outcome));
   CHECK(outcome.code == TM485_OK && !tm485_eeprom_in_doubt(&eeprom, &doubt));

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "support/frames.hpp"
 #include "support/print.hpp"
@@ -101,6 +102,13 @@ TEST_F(AxisTest, BeforeTheFirstSampleNothingIsValidAndNobodyIsCalled) {
   make();
   EXPECT_EQ(read().validity, SampleValidity::invalid);
   EXPECT_FALSE(read().sample->has_position());
+  const AxisView& nothing = client().view();
+  EXPECT_FALSE(nothing.valid || nothing.newest || nothing.latched)
+      << "latched: of a loss, and there was none";
+  EXPECT_EQ(nothing.state, BusState::stopped);
+  EXPECT_EQ(nothing.link, LinkState::lost);
+  EXPECT_EQ(nothing.alarm, AlarmLevel::none);
+  EXPECT_EQ(nothing.startup_cause, Errc::ok);
   ASSERT_TRUE(axis->start(driver.now));
   run(us(200));
   EXPECT_EQ(read().validity, SampleValidity::invalid);
@@ -214,6 +222,24 @@ TEST_F(AxisTest, RefusalsComeBackToo) {
   const CommandResult result = result_of(Command::exchange(*Request::eeprom_read(9)));
   EXPECT_EQ(result.error, Errc::no_gap);
   EXPECT_FALSE(result.reply);
+}
+
+TEST_F(AxisTest, AnExchangeWaitsForOneOfTheBussOwnUser) {
+  begin_running();
+  ASSERT_TRUE(axis->bus().offer(*Request::eeprom_read(8), 77));
+  const auto ticket = client().post(Command::exchange(*Request::eeprom_read(9)));
+  ASSERT_TRUE(ticket);
+  run(ms(5));
+  EXPECT_FALSE(client().poll_completion()) << "nobody has taken the other's completion";
+  EXPECT_EQ(std::as_const(*axis).bus().state(), BusState::running);
+  const auto other = axis->bus().take_completion(Priority::eeprom, 77);
+  ASSERT_TRUE(other);
+  EXPECT_EQ(other->request.address(), 8U);
+  std::optional<CommandResult> result;
+  EXPECT_TRUE(run(ms(5), [&] { return (result = client().poll_completion()).has_value(); }));
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->ticket, *ticket);
+  EXPECT_EQ(result->error, Errc::ok);
 }
 
 TEST_F(AxisTest, NoMoreCommandsThanThereIsRoomForTheirResults) {

@@ -87,6 +87,12 @@ TEST_P(BusLineFault, NamesTheCauseOfAFailedExchange) {
   EXPECT_EQ(bus_.statistics().errors[static_cast<std::size_t>(Errc::overrun)], 1U);
   EXPECT_EQ(bus_.statistics().errors[static_cast<std::size_t>(Errc::framing_error)], 1U);
   EXPECT_EQ(bus_.statistics().failed, 3U);
+  const int asked = port_.asked;
+  fault_ = Errc::overrun;
+  spoil_ = [](ScriptedPort::Answer& a) { a.bytes = id3_reply(1U << 17, 1); };
+  ASSERT_TRUE(cycles(1));
+  EXPECT_EQ(bus_.last_record().result, Errc::abs_out_of_range) << "it came whole: not the line's fault";
+  EXPECT_EQ(port_.asked, asked);
 }
 
 }  // namespace

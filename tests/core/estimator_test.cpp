@@ -72,6 +72,7 @@ TEST(Estimator, StartsWithTwoSamples) {
   Estimator estimator(kThree);
   EXPECT_EQ(estimator.state(), EstimatorState::empty);
   EXPECT_FALSE(estimator.at(us(5)).valid());
+  EXPECT_EQ(estimator.at(us(5)).position, 0) << "nothing is known";
   EXPECT_EQ(estimator.update(1000, us(1000)), EstimatorState::starting);
   EXPECT_FALSE(estimator.at(us(1000)).valid());
   EXPECT_EQ(estimator.at(us(1000)).position, 1000);
@@ -362,6 +363,24 @@ TEST(FixedEstimator, TooFastForItStartsAnew) {
   EXPECT_EQ(estimator.state(), EstimatorState::tracking);
   const Time ahead = estimator.latch_time() + Time{20 * 62'500};
   EXPECT_NEAR(counts(estimator.at(ahead)), 69.0 * static_cast<double>(step - 10'000), 1.0);
+}
+
+TEST(FixedEstimator, ASpeedThatGrowsBeyondItsRangeStartsAnew) {
+  FixedEstimator estimator(kFixedTwo);
+  const std::int64_t step = (std::int64_t{1} << 22) - 10'000;  // counts a period; the range ends at 2^22
+  std::int64_t position = 0;
+  Time latch{0};
+  const auto next = [&](std::int64_t by) { return estimator.update(position += by, latch += Time{62'500}); };
+  for (int i = 0; i < 50; ++i) next(step);
+  ASSERT_EQ(estimator.state(), EstimatorState::tracking);
+  int updates = 0;
+  while (next(2 * step) == EstimatorState::tracking && updates < 10) ++updates;
+  EXPECT_LE(updates, 3);
+  EXPECT_EQ(estimator.state(), EstimatorState::starting);
+  EXPECT_EQ(estimator.at(latch).position, position);
+  EXPECT_EQ(estimator.at(latch).velocity, 0);
+  next(1'000);
+  EXPECT_EQ(next(1'000), EstimatorState::tracking);
 }
 
 /// The integers against the floats over the same samples: 17 and 23 bits' speeds, both directions, jitter.

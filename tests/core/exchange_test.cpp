@@ -30,6 +30,7 @@ class Talk {
     exchange_.begin(request, us(100), profile_, port);
   }
 
+  void begin_again(Time start) { exchange_.begin(*Request::make(DataId::everything), start, profile_, {}); }
   /// Gives bytes that began on the wire at `first_start`, seen at `now`. Returns how many were taken.
   std::size_t give(const Bytes& bytes, Time first_start, Time now, Errc fault = Errc::ok) {
     const auto room = exchange_.room();
@@ -66,6 +67,22 @@ TEST(Exchange, ACompleteReplyInOnePiece) {
   EXPECT_TRUE(std::ranges::equal(run->reply(), kReply));
   EXPECT_TRUE(run->has_reply_delay());
   EXPECT_EQ(run->reply_delay(), us(3));
+}
+
+TEST(Exchange, BegunAgainItKnowsNothingOfTheLast) {
+  Talk run;
+  run.give({kReply.begin(), kReply.begin() + 4}, kStart, us(120), Errc::framing_error);
+  run->on_time(us(1'000));
+  ASSERT_EQ(run->error(), Errc::framing_error);
+  run.begin_again(us(2'000));
+  EXPECT_EQ(run->state(), State::waiting);
+  EXPECT_EQ(run->error(), Errc::ok);
+  EXPECT_FALSE(run->has_reply_delay());
+  EXPECT_EQ(run->reply_delay(), Time{0});
+  run.give(kReply, us(2'007), us(2'051));
+  ASSERT_EQ(run->state(), State::done);
+  EXPECT_EQ(run->error(), Errc::ok);
+  EXPECT_TRUE(std::ranges::equal(run->reply(), kReply));
 }
 
 TEST(Exchange, InEveryPairOfPiecesAndByteByByte) {

@@ -73,6 +73,18 @@ TEST(PositionTracker, AnEncoderWithoutTurnsHasZero) {
   EXPECT_EQ(frame.turns(24), -1);
 }
 
+TEST(PositionTracker, AShortTurnCountWrapsToo) {
+  Profile small = test::preset("tm485_17");
+  small.single_turn_bits = 8;
+  small.multi_turn_bits = 8;
+  Track track(small, {});
+  track.apart = ms(30);  // three turns at most
+  const std::int64_t first = track.id3(5, 127)->position();
+  EXPECT_EQ(track.id3(5, 128)->position() - first, 256);
+  EXPECT_EQ(track.id3(250, 127)->position() - first, 245);
+  EXPECT_EQ(track.id3(0, 129)->position() - first, 507);
+}
+
 // A tracker keeps a reference to its profile: a temporary one must not compile.
 static_assert(std::is_constructible_v<PositionTracker, const CompiledProfile&, AxisConfig>);
 static_assert(!std::is_constructible_v<PositionTracker, CompiledProfile, AxisConfig>);

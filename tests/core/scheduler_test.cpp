@@ -53,6 +53,18 @@ TEST(Scheduler, RefusesWithTheNearestPossible) {
     if (number(id) > 3) expect_refused({id, ms(20)}, {}, Errc::bad_argument, ns(0));
 }
 
+TEST(Scheduler, APatternOfMoreThanAnHourIsRefused) {
+  const auto made_of = [](Time slot) {
+    return Scheduler::make(Pattern(slot, {{DataId::everything, 2, 3}}), Phase{}, profile(), PortCapability{});
+  };
+  const auto refused = made_of(std::chrono::minutes(30));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::bad_argument);
+  EXPECT_EQ(refused.error().nearest, std::chrono::minutes(10));
+  EXPECT_TRUE(made_of(std::chrono::minutes(10)));
+  EXPECT_FALSE(made_of(std::chrono::minutes(10) + ns(1)));
+}
+
 TEST(Scheduler, PeriodZeroIsTheShortestPossible) {
   EXPECT_EQ(made(DataId::everything, ns(0)).period(), ns(62'500));
   EXPECT_EQ(made(DataId::single_turn, ns(0)).period(), us(40));

@@ -190,6 +190,35 @@ TEST(ServoLock, WithoutTicksTheGridGoesOnAtTheLastRate) {
   EXPECT_EQ(world.statistics.servo_locks, 2U) << "64 periods without a tick: sought anew";
 }
 
+TEST(ServoLock, WhileThePatternPausesTheClockIsFollowed) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+  world.ppm = 200;
+  EXPECT_LE(worst_error(world, us(60), 8'000), ns(100));
+  world.scheduler.pause();
+  for (int i = 0; i < 5'000; ++i) {
+    world.now = Time{static_cast<std::int64_t>(std::llround(world.tick_at))};
+    world.scheduler.on_servo_tick(world.now, world.statistics);
+    world.tick_at += world.period();
+  }
+  EXPECT_NEAR(world.scheduler.servo_lock()->drift_ppm(), 200, 12);
+  world.scheduler.begin(world.now + us(1));
+  EXPECT_LE(worst_error(world, us(60), 4), ns(100)) << "from the start";
+  EXPECT_EQ(world.statistics.servo_locks, 1U);
+}
+
+TEST(ServoLock, ATickAfterALongSilenceIsTheFirstOfAnotherLock) {
+  for (const int silent : {64, 65}) {
+    World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+    EXPECT_LE(worst_error(world, us(60), 2'000), ns(100));
+    // Nobody polls meanwhile, so no slot passes either.
+    const Time last{static_cast<std::int64_t>(std::llround(world.tick_at - world.period()))};
+    world.scheduler.on_servo_tick(last + us(100) * silent, world.statistics);
+    EXPECT_EQ(world.scheduler.servo_lock()->state(),
+              silent > 64 ? ServoLock::State::seeking : ServoLock::State::locked);
+    EXPECT_EQ(world.statistics.servo_locks, silent > 64 ? 2U : 1U);
+  }
+}
+
 // The servo clock is faster than T1 allows: T1 wins, and slots fall out, one at a time.
 TEST(ServoLock, AServoClockFasterThanT1NeverUndercutsIt) {
   World world = make(Cycle{DataId::everything, ns(62'500)}, ns(62'500), us(55), us(1));

@@ -134,6 +134,7 @@ TEST_F(ResetRunTest, ZeroMovesTheOriginOfAShaftThatStandsStill) {
   EXPECT_EQ(outcome.abs_after, 0U);
   EXPECT_EQ(requests(8), 10U);
   EXPECT_EQ(bus->statistics().restarts, 1U) << "the position has moved: start-up again";
+  EXPECT_GT(bus->statistics().displaced, 1'600U) << "100 ms until it takes effect are slots of the cycle";
   EXPECT_FALSE(bus->latest().referenced());
   EXPECT_EQ(bus->latest().single_turn(), 0U);
 }
