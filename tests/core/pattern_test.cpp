@@ -200,6 +200,7 @@ TEST(Pattern, WithAPhaseEvenAPatternWithoutSlackKeepsItsGrid) {
 }
 
 TEST(Pattern, AServoPeriodThatDoesNotFitIsRefusedWithASlotThatDoes) {
+  EXPECT_EQ(ServoClock{}.lead, Time{0}) << "at the tick, unless it is asked for";
   const auto locked = [](Time period, Time lead) { return Phase::locked_to({period, lead}); };
   EXPECT_TRUE(
       Scheduler::make(Cycle{DataId::everything, ns(62'500)}, locked(ns(62'500), us(55)), profile(), {}));
