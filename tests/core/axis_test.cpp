@@ -110,6 +110,8 @@ TEST_F(AxisTest, BeforeTheFirstSampleNothingIsValidAndNobodyIsCalled) {
   EXPECT_EQ(nothing.alarm, AlarmLevel::none);
   EXPECT_EQ(nothing.startup_cause, Errc::ok);
   ASSERT_TRUE(axis->start(driver.now));
+  (void)read();
+  EXPECT_EQ(client().view().state, BusState::startup) << "before anybody polls";
   run(us(200));
   EXPECT_EQ(read().validity, SampleValidity::invalid);
   EXPECT_EQ(client().view().state, BusState::startup);
