@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Breaks the core on purpose, one small change at a time, and looks whether a test notices.
 
-    tools/mutants.py [--count N] [--seed S] [--jobs J] [--minutes M]   N mutants chosen by S (an integer or any text)
+    tools/mutants.py [--count N] [--seed S] [--jobs J] [--minutes M] [--least P]
+                                                                   N mutants chosen by S (an integer or any text)
     tools/mutants.py --list [--count N] [--seed S]                     shows them, builds nothing
     tools/mutants.py --only FILE[:LINE]                                those of one file or line
     tools/mutants.py --explained                                       those that tests/mutant_exceptions.txt excuses
@@ -20,7 +21,7 @@ program is run if that has changed an object in it, and it is run without a muta
 
 Works on a copy of the last commit in build/mutants, where objects are kept for the next run. The last line is
 "N mutants, N killed, N survived, N of these explained". Exit code 1 if more than 5 in 100 survive without an explanation
-(with up to 20 mutants: more than one), and if one that is explained was killed.
+(with up to 20 mutants: more than one; or by --least), and if one that is explained was killed.
 """
 
 import argparse
@@ -341,6 +342,7 @@ def main():
     parser.add_argument("--count", type=int, default=10)
     parser.add_argument("--seed", default="1")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 2)
+    parser.add_argument("--least", type=int, metavar="PERCENT", help="of those not explained that have to be killed; default: 95")
     parser.add_argument("--minutes", type=float, default=0, help="no further mutant is begun after this; 0: no bound")
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--only", metavar="FILE[:LINE]")
@@ -405,7 +407,8 @@ def main():
     print(f"{time.monotonic() - started:.0f} s, {counts['stillborn']} more did not compile")
     print(f"{judged} mutants, {counts['killed']} killed, {counts['survived']} survived, {counts['explained survived']} of these explained")
     bad = counts["survived"] - counts["explained survived"]
-    return 1 if judged == 0 or wrong or unknown or bad > max(1, judged // 20) else 0
+    allowed = max(1, judged // 20) if arguments.least is None else judged * (100 - arguments.least) // 100
+    return 1 if judged == 0 or wrong or unknown or bad > allowed else 0
 
 
 if __name__ == "__main__":

@@ -152,6 +152,16 @@ void PlausibilityGate::begin(Track& track, const PositionReading& reading) noexc
   return off <= most && -off <= most;
 }
 
+/// A reading without turns that the track goes on with says nothing against a candidate that is whole turns away.
+[[gnu::noinline]] bool PlausibilityGate::differs_by_turns(const PositionReading& reading) const noexcept {
+  if (reading.turns != Turns::to_come || turnless_ || inside_) return false;
+  const std::int64_t turns = (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
+  if (turns == 0) return false;
+  const Window window = predict(candidate_, reading);
+  const std::int64_t off = reading.raw - turns - window.centre;
+  return off <= window.half && -off <= window.half;
+}
+
 GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
   if (track_.length == 0) [[unlikely]] {
     begin(track_, reading);
@@ -160,16 +170,8 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
   }
   const bool any = missed_ < kFewMissed || !narrow_;
   if (go_on(track_, reading, any ? kNoLimit : fine_)) [[likely]] {
-    if (candidate_.length != 0) [[unlikely]] {
-      // A reading without turns says nothing against a row that differs by whole turns only.
-      PositionReading other = reading;
-      other.raw -= (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
-      const Window window = predict(candidate_, other);
-      const std::int64_t off = other.raw - window.centre;
-      const bool by_turns =
-          reading.turns == Turns::to_come && !turnless_ && !inside_ && other.raw != reading.raw;
-      if (!by_turns || off > window.half || -off > window.half) candidate_.length = 0;
-    }
+    if (candidate_.length != 0 && !differs_by_turns(reading)) [[unlikely]]
+      candidate_.length = 0;
     missed_ = 0;
     return GateVerdict::accepted;
   }
@@ -177,16 +179,14 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
 }
 
 /// Does it go on from the candidate? Whichever of the two does not know its turns takes those of the other.
-bool PlausibilityGate::agrees(PositionReading reading, bool turnless) noexcept {
-  const std::int64_t turns = (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
-  if (turnless) {
-    reading.raw -= turns;
-  } else if (turnless_) {
-    candidate_.raw += turns;
-  }
-  if (!go_on(candidate_, reading, kNoLimit)) return false;
-  turnless_ = turnless_ && turnless;
-  return true;
+[[gnu::noinline]] bool PlausibilityGate::agrees(const PositionReading& reading, bool turnless) noexcept {
+  const bool guessed = turnless || turnless_;
+  const std::int64_t turns = guessed ? (reading.raw - candidate_.raw + turn_ / 2) & -turn_ : 0;
+  candidate_.raw += turns;
+  const bool agreed = go_on(candidate_, reading, kNoLimit);
+  if (turnless) candidate_.raw -= turns;
+  if (agreed) turnless_ = turnless_ && turnless;
+  return agreed;
 }
 
 /// A reading that no sample may come of by itself. Several that agree with each other are believed.

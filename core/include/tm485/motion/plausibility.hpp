@@ -123,7 +123,8 @@ class PlausibilityGate {
   void follow(Track& track, const PositionReading& reading, const Window& window) const noexcept;
   [[nodiscard]] bool near_track(const PositionReading& reading) const noexcept;
   [[nodiscard]] GateVerdict hold_back(const PositionReading& reading) noexcept;
-  [[nodiscard]] bool agrees(PositionReading reading, bool turnless) noexcept;
+  [[nodiscard]] bool differs_by_turns(const PositionReading& reading) const noexcept;
+  [[nodiscard]] bool agrees(const PositionReading& reading, bool turnless) noexcept;
 
   std::int64_t speed_limit_;   ///< counts per 2^20 ns
   std::int64_t acceleration_;  ///< counts per (2^10 ns)^2, times 2^30
