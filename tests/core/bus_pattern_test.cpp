@@ -188,6 +188,26 @@ TEST_F(BusPattern, StealsOneSlotInNWhileTheSampleIsHeld) {
   }
 }
 
+// The campaign has found it: one slot in two of a pattern of two, and it was the one with the position every time.
+TEST_F(BusPattern, StolenSlotsTakeTurnsAmongTheSteps) {
+  config.cycle = Pattern(us(45), {{DataId::single_turn, 1}, {DataId::multi_turn, 1}});
+  config.steal_every = 2;
+  begin_running();
+  run_cycles(20);
+  port.sent.clear();
+  driver.run(*bus, port, driver.now + ms(20), [&] {
+    (void)bus->offer(*Request::make(DataId::encoder_id));
+    (void)bus->take_completion();
+    return false;
+  });
+  std::array<std::size_t, 3> sent{};
+  for (const auto& s : port.sent) ++sent.at(s.bytes[0] == 0x02 ? 0U : s.bytes[0] == 0x8A ? 1U : 2U);
+  EXPECT_GT(sent[2], 100U) << "the background has its share";
+  EXPECT_NEAR(static_cast<double>(sent[0]), static_cast<double>(sent[1]), 2.0);
+  EXPECT_EQ(bus->statistics().invalidated, 0U);
+  expect_t1_kept();
+}
+
 TEST_F(BusPattern, ARequestThatNeedsTwoSlotsPaysForTwo) {
   config.cycle = Cycle{DataId::single_turn, us(40)};
   config.phase = Phase::at(us(0));
