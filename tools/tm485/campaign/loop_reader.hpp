@@ -21,6 +21,7 @@ class LoopReader {
       : encoder_(&encoder),
         dice_(setup.seed + setup.run + 17),
         after_restart_(setup.after_restart),
+        longest_write_(setup.writes_hold_the_line() ? kLongestWrite : Time{0}),
         alone_(setup.background == Background::none && setup.latency == Time{0}),
         period_(setup.cycle_time()),
         fresh_bound_(setup.time_of_positions(1) + kLongestExchange + setup.latency),
@@ -45,9 +46,10 @@ class LoopReader {
     const Sample& newest = axis.bus().latest();
     note(newest, now);
     if (!take_results(client, judge, now)) return false;
+    if (newest.quality() == Quality::invalid) homed_ = false;
     const LoopState state = client.read(now);
     ++judge.totals().loop_reads;
-    const bool ok = state.usable() ? on_usable(state, newest, judge, now) : on_invalid(judge, now);
+    const bool ok = state.usable() ? on_usable(state, newest, judge, now) : on_invalid(newest, judge, now);
     if (!ok) return false;
     return ask(client, newest, judge, now);
   }
@@ -62,6 +64,7 @@ class LoopReader {
 
  private:
   static constexpr Time kLongestExchange{60'000};
+  static constexpr Time kLongestWrite{18'000'000};
   struct Open {
     std::uint32_t ticket = 0;  // 0: free
     Command command;
@@ -75,6 +78,7 @@ class LoopReader {
       powered_at_ = now;
     }
     referenced_ = newest.referenced();
+    homed_ = homed_ || referenced_;
     if (newest.quality() != Quality::fresh) {
       fresh_since_ = kNever;
     } else if (fresh_since_ == kNever) {
@@ -135,8 +139,9 @@ class LoopReader {
     let_go_ = told_to_let_go_;
   }
 
-  [[nodiscard]] bool on_invalid(Judge& judge, Time now) noexcept {
-    if (resumed_ && resumed_at_ == now)
+  [[nodiscard]] bool on_invalid(const Sample& newest, Judge& judge, Time now) noexcept {
+    // A start-up may have come behind it.
+    if (resumed_ && resumed_at_ == now && newest.quality() != Quality::invalid)
       return judge.fail(Rule::axis, now, 0, 1, "not usable although it was resumed");
     if (!holds_) return true;
     holds_ = false;
@@ -170,6 +175,7 @@ class LoopReader {
       return judge.fail(Rule::command, now, kAxisCommands + 1, kAxisCommands,
                         "more commands than there is room for");
     *place = {*ticket, command, now};
+    homed_ = homed_ || command.kind == Command::Kind::set_referenced;
     ++judge.totals().commands;
     return true;
   }
@@ -200,17 +206,20 @@ class LoopReader {
       return judge.fail(Rule::command, now, result.reply->frame().enid(), encoder_->model().config().enid,
                         "the reply is not that of the request");
     }
-    if (open.command.kind == Command::Kind::restart) judge.pause(now);
+    // A write that it cut off keeps its T1, whether the encoder has heard it or not.
+    if (open.command.kind == Command::Kind::restart) judge.pause(now + longest_write_);
     if (open.command.kind != Command::Kind::resume) return true;
     if (good) {
       resumed_ = true;
       resumed_at_ = now;
-      return after_restart_ != Continuity::until_homed || referenced_ ||
+      return after_restart_ != Continuity::until_homed || homed_ ||
              judge.fail(Rule::axis, now, 0, 1, "taken hold before it was homed");
     }
-    // A good line since it was asked, and nothing that takes slots between two ticks, stands against it.
+    // A good line since it was asked, and nothing that takes slots between two ticks, stands against it. What a fault does to
+    // one cycle shows until the reply of the next.
     const bool may = after_restart_ != Continuity::until_homed || referenced_;
-    return !may || !alone_ || fresh_since_ > open.posted || judge.effects().last >= open.posted ||
+    return !may || !alone_ || fresh_since_ > open.posted ||
+           judge.effects().last + period_ + in_flight_ >= open.posted ||
            judge.fail(Rule::axis, now, 0, 1, "resume was refused although samples are fresh");
   }
 
@@ -219,6 +228,7 @@ class LoopReader {
   sim::SimulatedEncoder* encoder_;
   Dice dice_;
   Continuity after_restart_;
+  Time longest_write_;
   bool alone_;  // nothing in the background or in the port delays a cycle that has no fault
   Time period_;
   Time fresh_bound_;
@@ -238,6 +248,7 @@ class LoopReader {
   std::uint32_t told_to_let_go_ = 0;
   std::uint32_t let_go_ = 0;
   bool referenced_ = false;
+  bool homed_ = false;  // was referenced, or asked to be, before the last tick that saw nothing valid
   bool holds_ = false;
   bool was_held_ = false;
   bool resumed_ = false;  // and has not held since
