@@ -13,7 +13,7 @@ namespace {
 bool is_probability(double value) { return std::isfinite(value) && value >= 0.0 && value <= 1.0; }
 
 /// Some exchanges, by hand: their bytes end within bounds.
-void exchange(sim::SimulatedEncoder& encoder) {
+void exchange(sim::SimulatedEncoder& encoder, bool disturbed) {
   constexpr std::uint8_t kRequests[][4] = {{0x1A}, {0x02}, {0xEA, 0x05, 0xEF}, {0x32, 0x05, 0xA5, 0x92},
                                            {0xC2}, {0x92}};
   constexpr std::size_t kLengths[] = {1, 1, 3, 4, 1, 1};
@@ -30,7 +30,7 @@ void exchange(sim::SimulatedEncoder& encoder) {
         require(got.count <= sizeof buffer, "what was received fits");
         heard += got.count;
       }
-      require(heard <= 64, "one reply, one echo and a little noise");
+      require(disturbed || heard <= 64, "one reply, one echo and a little noise");
     }
   }
 }
@@ -49,7 +49,7 @@ int fuzz_sim_options(std::span<const std::uint8_t> bytes) {
               is_probability(options->lost_replies) && is_probability(options->glitches),
           "probabilities");
   sim::SimulatedEncoder encoder(*options);
-  exchange(encoder);
+  exchange(encoder, text.find("plan=") != std::string_view::npos);  // another talker has no end
   return 0;
 }
 

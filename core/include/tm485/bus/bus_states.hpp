@@ -143,7 +143,9 @@ void Bus<P>::shape_histograms() noexcept {
   if (statistics_.reply_delay.count() != 0) return;
   std::uint8_t shift = kFine;
   if (!capability_.wire_timestamps) {
-    while (Time{std::int64_t{Histogram::kBins} << shift} < capability_.latency_allowance) ++shift;
+    while (shift < Histogram::kMostShift &&
+           Time{std::int64_t{Histogram::kBins} << shift} < capability_.latency_allowance)
+      ++shift;
   }
   statistics_.reply_delay =
       TimeStatistic(capability_.wire_timestamps ? profile_->profile().t2_min : Time{0}, shift);

@@ -23,8 +23,9 @@ constexpr void saturating_increment(std::uint32_t& counter, std::uint32_t by = 1
 /// Sixteen equal bins from `origin`, each 2^shift ns wide. What lies outside counts in the first or last bin.
 struct Histogram {
   static constexpr std::size_t kBins = 16;
+  static constexpr std::uint32_t kMostShift = 31;  ///< 2.1 s a bin
   Time origin{0};
-  std::uint32_t shift = 8;
+  std::uint32_t shift = 8;  ///< at most kMostShift
   std::uint32_t count = 0;  ///< of all bins, saturates
   std::array<std::uint32_t, kBins> bins{};
 
