@@ -32,7 +32,10 @@ class ResetTasks {
   [[nodiscard]] Time drive(B& bus, Judge& judge, Time now) noexcept {
     if (!run_) {
       if (now < next_ || bus.state() != BusState::running) return std::max(next_, now + kLookAgain);
-      begin(now);
+      if (!begin(now)) {
+        ok_ = judge.fail(Rule::reset, now, 1, 0, "a new run of resets was refused");
+        return now;
+      }
     }
     const bool held = run_->holds_cycle();
     const Time due = tm485::drive(*run_, bus, now);
@@ -65,12 +68,12 @@ class ResetTasks {
 
   [[nodiscard]] std::uint64_t done() const noexcept { return encoder_->model().statistics().resets_done; }
 
-  void begin(Time now) noexcept {
+  [[nodiscard]] bool begin(Time now) noexcept {
     constexpr std::array kKinds{ResetKind::errors, ResetKind::multi_turn, ResetKind::zero};
     run_.emplace(*profile_);
-    (void)run_->start(kKinds[static_cast<std::size_t>(dice_.below(kKinds.size()))]);
     begun_ = now;
     done_ = done();
+    return run_->start(kKinds[static_cast<std::size_t>(dice_.below(kKinds.size()))]).has_value();
   }
 
   /// Nothing but faults makes a run last: the ten take less than a millisecond, zero 160 ms more.
