@@ -30,7 +30,7 @@ void PlausibilityGate::expect_every(Time gap) noexcept {
   constexpr std::int64_t kReadings = 4;  // the errors of those that make a window
   const std::int64_t ns = gap.count();
   narrow_ = ns > 0 && ns <= memory_ && 2 * (bend(ns, ns) + kReadings) <= fine_;
-  if (track_.span > 2 * ns) missed_ = kFewMissed;
+  begins_ = true;
 }
 
 /// Of a reading, in half counts: it says which count the shaft is in, and is as much older or younger as makes `turned`.
@@ -167,6 +167,10 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
     begin(track_, reading);
     missed_ = 0;
     return GateVerdict::accepted;
+  }
+  if (begins_) [[unlikely]] {
+    begins_ = false;
+    if (track_.span > 2 * (reading.latch - track_.latch).count()) missed_ = kFewMissed;
   }
   const bool any = missed_ < kFewMissed || !narrow_;
   if (go_on(track_, reading, any ? kNoLimit : fine_)) [[likely]] {

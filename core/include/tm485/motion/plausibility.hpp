@@ -59,7 +59,7 @@ class PlausibilityGate {
 
   /// Readings are wanted every `gap` from now on; 0: at no fixed time. Where a gap is so short that the next reading has a
   /// narrow window, one that comes in a wide window is not believed by itself: behind kFewMissed failed ones, or if the last
-  /// two are further apart than two gaps (start-up, which has waited for a lost frame).
+  /// two are much further apart than it is from them (start-up, which has waited for a lost frame).
   void expect_every(Time gap) noexcept;
   /// A reading was asked for, and none has come.
   void missed() noexcept {
@@ -132,6 +132,7 @@ class PlausibilityGate {
   std::int64_t turn_;          ///< counts of a turn
   std::int64_t fine_;          ///< half-width up to which a sample is good for a servo loop: 0.18 degrees
   bool narrow_ = false;        ///< the next reading has a window much narrower than fine_
+  bool begins_ = false;        ///< the next reading is the first since expect_every()
   std::uint8_t missed_ = 0;
   bool inside_ = false;         ///< each reading of the candidate was where the shaft can be
   bool last_inside_ = false;    ///< the last one was
