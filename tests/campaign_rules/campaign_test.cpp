@@ -7,7 +7,7 @@
 #include <string>
 
 #include "broken_ports.hpp"
-#include "support/counted_heap.hpp"
+#include "heap_count.hpp"
 
 namespace tm485::cli::campaign {
 namespace {
@@ -15,13 +15,13 @@ namespace {
 using test::TwinPort;
 
 RunResult as_it_is(const RunSetup& setup, RunOptions options) {
-  options.allocations = test::allocations_of_this_thread;
+  options.allocations = heap_allocations;
   return run(setup, options);
 }
 
 template <class Broken>
 RunResult with(const RunSetup& setup, RunOptions options) {
-  options.allocations = test::allocations_of_this_thread;
+  options.allocations = heap_allocations;
   return run<EepromDiscipline>(setup, options, [](sim::SimPort& port) { return Broken(port); });
 }
 

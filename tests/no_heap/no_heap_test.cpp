@@ -4,7 +4,7 @@
 #include <array>
 #include <new>
 
-#include "support/counted_heap.hpp"
+#include "heap_count.hpp"
 #include "support/profiles.hpp"
 #include "tm485/bus/bus.hpp"
 
@@ -61,10 +61,10 @@ class FixedPort {
 };
 
 TEST(NoHeap, TheCounterCounts) {
-  const std::uint64_t before = test::allocations_of_this_thread();
+  const std::uint64_t before = cli::heap_allocations();
   ::operator delete(
       ::operator new(sizeof(int)));  // a call, where `delete new int` may be left out by the compiler
-  EXPECT_GE(test::allocations_of_this_thread() - before, 1U);
+  EXPECT_GE(cli::heap_allocations() - before, 1U);
 }
 
 TEST(NoHeap, ABusRunsAHundredThousandCyclesWithoutOneAllocation) {
@@ -73,7 +73,7 @@ TEST(NoHeap, ABusRunsAHundredThousandCyclesWithoutOneAllocation) {
   Time now{0};
   BusConfig config;
   config.cycle = Cycle{DataId::everything, Time{125'000}};
-  const std::uint64_t before = test::allocations_of_this_thread();
+  const std::uint64_t before = cli::heap_allocations();
   Bus<FixedPort> bus(port, profile, config);
   const bool started = bus.start(now).has_value();
   std::uint32_t background = 0;
@@ -88,7 +88,7 @@ TEST(NoHeap, ABusRunsAHundredThousandCyclesWithoutOneAllocation) {
     (void)bus.latest();
     if (bus.statistics().cycles >= 50'000 && bus.statistics().restarts == 0) bus.on_restart(now);
   }
-  const std::uint64_t made = test::allocations_of_this_thread() - before;
+  const std::uint64_t made = cli::heap_allocations() - before;
   EXPECT_EQ(made, 0U);
   EXPECT_TRUE(started);
   EXPECT_GT(bus.statistics().good, 90'000U);

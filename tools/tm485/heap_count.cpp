@@ -1,4 +1,4 @@
-// The command's operator new: the library's, and one increment.
+// An operator new: the library's, and one increment. Linked into the command, and into the tests that want no heap.
 #include "heap_count.hpp"
 
 #include <cstdlib>

@@ -1,4 +1,4 @@
-// Allocations of the calling thread, counted: `tm485 campaign` judges by it that the cycle makes none.
+// Allocations of the calling thread, counted: `tm485 campaign` and tests judge by it that the cycle makes none.
 #pragma once
 
 #include <cstdint>
