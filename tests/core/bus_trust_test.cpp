@@ -36,6 +36,15 @@ class BusTrust : public BusTest {
     run_cycles(1);
     ASSERT_EQ(bus->latest().quality(), Quality::fresh);
   }
+  /// A run of resets was read back: the turns are what the encoder says from now on.
+  void turns_are_reset() {
+    ResetOutcome outcome;
+    outcome.kind = ResetKind::multi_turn;
+    outcome.verdict = ResetVerdict::verified;
+    bus->on_reset(outcome, driver.now);
+    ASSERT_TRUE(run_until_running());
+    run_cycles(1);
+  }
 };
 
 TEST_F(BusTrust, TurnsBackAtTheirStartValueAreARestart) {
@@ -106,12 +115,7 @@ TEST_F(BusTrust, AVerifiedResetOfTheTurnsIsNotCarriedOn) {
   config.axis.after_restart = Continuity::re_reference;
   begin_at_turn(7);
   encoder.abm = 1;
-  ResetOutcome outcome;
-  outcome.kind = ResetKind::multi_turn;
-  outcome.verdict = ResetVerdict::verified;
-  bus->on_reset(outcome, driver.now);
-  ASSERT_TRUE(run_until_running());
-  run_cycles(1);
+  turns_are_reset();
   EXPECT_EQ(bus->latest().position(), 1'000);
   EXPECT_FALSE(bus->latest().referenced());
 }
@@ -123,12 +127,7 @@ TEST_F(BusTrust, TurnsThatWereCarriedOnEndWithAResetOfTheTurns) {
   begin_at_turn(7);
   restart_encoder();
   ASSERT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
-  ResetOutcome outcome;
-  outcome.kind = ResetKind::multi_turn;
-  outcome.verdict = ResetVerdict::verified;
-  bus->on_reset(outcome, driver.now);
-  ASSERT_TRUE(run_until_running());
-  run_cycles(1);
+  turns_are_reset();
   EXPECT_EQ(bus->latest().position(), 1'000);
 }
 
