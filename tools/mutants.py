@@ -143,7 +143,7 @@ class Program:
     """A program of tests: its own sources, what it links besides the core and the simulator, its arguments."""
 
     def __init__(self, name, sources, library=(), arguments=("--gtest_brief=1", "--gtest_fail_fast", "--gtest_filter=-SpscRingWrap.*")):
-        self.name, self.sources, self.library, self.arguments = name, sources, list(library), list(arguments)
+        self.name, self.sources, self.beside, self.arguments = name, sources, list(library), list(arguments)
         self.lock = threading.Lock()
         self.linked = []  # sources that are in it (of the libraries, what it uses), once it has passed without a mutant
 
@@ -226,7 +226,7 @@ class Judge:
 
     def __init__(self):
         self.objects = Objects()
-        self.library = [f for f in files(*LIBRARY) if not LIBRARY_NOT.search(f)]
+        self.common = [f for f in files(*LIBRARY) if not LIBRARY_NOT.search(f)]
         self.programs = programs()
         self.kills = collections.Counter()
         self.own = threading.local()
@@ -239,7 +239,7 @@ class Judge:
         if done.returncode != 0:
             raise Outcome("stillborn", "does not link: " + done.stderr[-300:])
         used = set(re.findall(r"([\w.]+)\.o\)?$", done.stdout + done.stderr, re.M))
-        return [s for s in program.sources + program.library + self.library if s.replace("/", "_") in used]
+        return [s for s in program.sources + program.beside + self.common if s.replace("/", "_") in used]
 
     def run(self, program, folder):
         """None, or what went wrong."""
@@ -259,7 +259,7 @@ class Judge:
             folder = WORK / "plain" / program.name
             folder.mkdir(parents=True, exist_ok=True)
             try:
-                library = [str(self.objects.of_tree(s)[0]) for s in program.library + self.library]
+                library = [str(self.objects.of_tree(s)[0]) for s in program.beside + self.common]
                 subprocess.run(["ar", "rcs", str(folder / "library.a"), *library], check=True)
                 linked = self.link(program, [self.objects.of_tree(s)[0] for s in program.sources] + [folder / "library.a"], folder)
                 wrong = self.run(program, folder)
