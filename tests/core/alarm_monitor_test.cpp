@@ -18,17 +18,22 @@ constexpr StatusSet kCounting = StatusSet::of(StatusBit::counting_error);
 class Oracle {
  public:
   explicit Oracle(int debounce) : debounce_(debounce) {}
-  void on_reply(unsigned status, unsigned known) {
+  void on_startup() { off_ = {}; }
+  unsigned on_reply(unsigned status, unsigned known) {
+    std::array<bool, 16> news{};
     for (unsigned bit = 0; bit < 16; ++bit) {
       if ((known >> bit & 1U) == 0) continue;
       const bool set = (status >> bit & 1U) != 0;
+      if (!set) off_[bit] = true;
       count_[bit] = set != live_[bit] ? count_[bit] + 1 : 0;
       if (count_[bit] == debounce_) {
         live_[bit] = set;
         count_[bit] = 0;
+        news[bit] = set && off_[bit];
       }
       latched_[bit] = latched_[bit] || live_[bit];
     }
+    return word(news);
   }
   [[nodiscard]] unsigned live() const { return word(live_); }
   [[nodiscard]] unsigned latched() const { return word(latched_); }
@@ -43,6 +48,7 @@ class Oracle {
   std::array<int, 16> count_{};
   std::array<bool, 16> live_{};
   std::array<bool, 16> latched_{};
+  std::array<bool, 16> off_{};
 };
 
 class AlarmMonitorDebounce : public testing::TestWithParam<int> {};
@@ -55,8 +61,12 @@ TEST_P(AlarmMonitorDebounce, IsThatOfSixteenCounters) {
   for (int i = 0; i < 20'000; ++i) {
     status ^= static_cast<unsigned>(random() & random() & 0xFFFFU);  // each bit changes in one reply of four
     const StatusSet known = random() % 3 == 0 ? kSf : kAll;
-    monitor.on_reply(StatusSet(static_cast<std::uint16_t>(status)), known);
-    oracle.on_reply(status, known.bits());
+    if (random() % 16 == 0) {
+      monitor.on_startup();
+      oracle.on_startup();
+    }
+    const StatusSet news = monitor.on_reply(StatusSet(static_cast<std::uint16_t>(status)), known);
+    ASSERT_EQ(news.bits(), oracle.on_reply(status, known.bits())) << i;
     ASSERT_EQ(monitor.live().bits(), oracle.live()) << i;
     ASSERT_EQ(monitor.latched().bits(), oracle.latched()) << i;
   }
@@ -64,6 +74,16 @@ TEST_P(AlarmMonitorDebounce, IsThatOfSixteenCounters) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Debounces, AlarmMonitorDebounce, testing::Values(1, 2, 3, 4));
+
+TEST(AlarmMonitor, WhatStartupHasSeenAlreadyIsNoNews) {
+  AlarmMonitor monitor(kAlarmsWithBattery, 1);
+  EXPECT_EQ(monitor.on_reply(kHeat, kAll), StatusSet{}) << "set from the first reply on";
+  monitor.on_reply(StatusSet{}, kAll);
+  EXPECT_EQ(monitor.on_reply(kHeat, kAll), kHeat);
+  monitor.on_reply(StatusSet{}, kAll);
+  monitor.on_startup();
+  EXPECT_EQ(monitor.on_reply(kHeat, kAll), StatusSet{});
+}
 
 TEST(AlarmMonitor, ASingleReplyRaisesNothingAndTwoDo) {
   AlarmMonitor monitor(kAlarmsWithBattery);

@@ -111,6 +111,42 @@ TEST_F(BusTrust, ReReferencingOutlivesASecondRestartAndAFailedStartUp) {
   EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
 }
 
+// T-format: "main power on while the shaft turns". The encoder may have been away for less than a cycle.
+TEST_F(BusTrust, AStatusBitThatOnlyPowerUpSetsIsARestart) {
+  begin_at_turn(7, "tformat_17");
+  encoder.almc = 0x02;
+  run_cycles(1);
+  ASSERT_EQ(bus->state(), BusState::running) << "one reply says little";
+  run_cycles(1);
+  ASSERT_EQ(bus->state(), BusState::startup);
+  EXPECT_EQ(bus->latest().quality(), Quality::invalid);
+  EXPECT_EQ(bus->statistics().restarts, 1U);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(100);
+  EXPECT_EQ(bus->statistics().restarts, 1U) << "it stays set for as long as the shaft turns";
+  encoder.almc = 0;
+  run_cycles(10);
+  EXPECT_EQ(bus->state(), BusState::running);
+  encoder.almc = 0x02;
+  run_cycles(2);
+  EXPECT_EQ(bus->statistics().restarts, 2U);
+}
+
+TEST_F(BusTrust, ThatBitIsNoRestartIfItWasThereFromTheBeginning) {
+  encoder.almc = 0x02;
+  begin_at_turn(7, "tformat_17");
+  run_cycles(10);
+  EXPECT_EQ(bus->statistics().restarts, 0U);
+}
+
+TEST_F(BusTrust, NorWhereTheProfileCallsItReserved) {
+  begin_at_turn(7);
+  encoder.almc = 0x02;
+  run_cycles(10);
+  EXPECT_EQ(bus->statistics().restarts, 0U);
+  EXPECT_EQ(bus->state(), BusState::running);
+}
+
 TEST_F(BusTrust, AVerifiedResetOfTheTurnsIsNotCarriedOn) {
   config.axis.after_restart = Continuity::re_reference;
   begin_at_turn(7);

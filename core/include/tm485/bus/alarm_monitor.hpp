@@ -21,10 +21,15 @@ class AlarmMonitor {
   explicit AlarmMonitor(const AlarmPolicy& policy, std::uint8_t debounce = 2) noexcept
       : policy_(policy), ones_(all_if(debounce & 1U)), twos_(all_if(debounce & 2U)) {}
 
-  /// A good reply said `status`; `known` are the bits that it had. All bits are counted at once, in two words: how often
-  /// in a row a bit was not as it is held. Four wraps to 0, as the debounce of 4 does.
-  void on_reply(StatusSet status, StatusSet known) noexcept {
+  /// Start-up begins: what the encoder says behind it is no news.
+  void on_startup() noexcept { off_ = 0; }
+
+  /// A good reply said `status`; `known` are the bits that it had. Answers those that are live from now on, and were seen
+  /// off since the last start-up. All bits are counted at once, in two words: how often in a row a bit was not as it is
+  /// held. Four wraps to 0, as the debounce of 4 does.
+  StatusSet on_reply(StatusSet status, StatusSet known) noexcept {
     const unsigned has = known.bits();
+    off_ = word(off_ | (~status.bits() & has));
     const unsigned differs = (status.bits() ^ live_) & has;
     const unsigned ones = ~count_ones_ & differs;
     const unsigned twos = (count_twos_ ^ count_ones_) & differs;
@@ -33,6 +38,7 @@ class AlarmMonitor {
     latched_ = word(latched_ | live_);
     count_ones_ = word((ones & ~reached) | (count_ones_ & ~has));
     count_twos_ = word((twos & ~reached) | (count_twos_ & ~has));
+    return StatusSet(word(reached & live_ & off_));
   }
 
   /// A run of resets has ended. Verified, and one that clears error bits: what it left is live, and nothing else latched.
@@ -66,6 +72,7 @@ class AlarmMonitor {
   std::uint16_t latched_ = 0;
   std::uint16_t count_ones_ = 0;
   std::uint16_t count_twos_ = 0;
+  std::uint16_t off_ = 0;  ///< bits that a reply had at 0 since the last start-up
 };
 
 }  // namespace tm485

@@ -66,13 +66,15 @@ void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept
   saturating_increment(statistics_.good);
   const StatusSet status = reply.frame().status();
   const bool all = reply.frame().id() == DataId::everything;
-  alarms_.on_reply(status, all ? StatusSet(0xFF, 0xFF) : StatusSet(0xFF, 0));
+  const StatusSet raised = alarms_.on_reply(status, all ? StatusSet(0xFF, 0xFF) : StatusSet(0xFF, 0));
   link_.on_good();
   if (!(status & profile_->profile().reserved_status).empty())
     saturating_increment(statistics_.reserved_status);
   if (alarm == AlarmLevel::warning) saturating_increment(statistics_.warnings);
   if (alarm == AlarmLevel::fault) saturating_increment(statistics_.faults);
   record(Errc::ok, now);
+  if (!(raised & kSetAtPowerUp & ~profile_->profile().reserved_status).empty()) [[unlikely]]
+    on_restart(now);
 }
 
 /// True if the encoder is given up. Not inlined, as note(): its sample would stand on the stack below every good cycle.
@@ -178,6 +180,7 @@ void Bus<P>::begin_startup(Time now) noexcept {
   if (scheduler_) scheduler_->pause();
   state_ = BusState::startup;
   link_.on_lost();
+  alarms_.on_startup();
   publish(tracker_.forget());
   tracker_.search();  // a lost frame delays the next one of start-up by as long as it likes
   startup_.begin(now, capability_.latency_allowance);

@@ -120,6 +120,10 @@ template <class... Bits>
 }
 }  // namespace detail
 
+/// What an encoder that calls these bits its own sets when its supply comes, and never later: T-format's full-absolute
+/// status says that the shaft turned at that moment. Newly set, they are a restart.
+inline constexpr StatusSet kSetAtPowerUp = StatusSet::of(StatusBit::full_absolute_status);
+
 /// For an encoder with no battery: the multi-turn and battery group is its normal state, so it is ignored.
 inline constexpr AlarmPolicy kAlarmsWithoutBattery{
     .warn = detail::bits(StatusBit::full_absolute_status, StatusBit::over_heat),
