@@ -58,5 +58,27 @@ TEST_F(BusUnsent, BytesOfSomebodyElseProveNothingOfWhenARequestLeft) {
   }
 }
 
+// Found by the campaign (seed 9, run 1913): the request left late, and the encoder answered within less than its T2. By the
+// shortest exchange that the profile allows the request had left earlier than it had.
+TEST_F(BusUnsent, AnEncoderThatAnswersTooSoonDoesNotBringTheNextRequestForward) {
+  port.be_slow(us(100));
+  config.cycle = Cycle{DataId::everything, us(250)};
+  Time once{0};
+  port.lateness = [&] { return std::exchange(once, Time{0}); };
+  begin_running();
+  hook = [](const test::Bytes&, Time, test::ScriptedPort::Answer& answer) { answer.t2 = Time{0}; };
+  for (int delay = 0; delay <= 60; delay += 5) {
+    run_cycles(3);
+    once = us(delay);
+    const std::size_t sent = port.sent.size();
+    driver.run(*bus, port, driver.now + ms(2), [&] { return port.sent.size() > sent; });
+    ASSERT_TRUE(bus->offer(*Request::eeprom_read(1))) << delay;
+    run_cycles(3);
+    ASSERT_TRUE(bus->take_completion().has_value());
+    expect_t1_kept();
+    ASSERT_FALSE(HasFailure()) << delay;
+  }
+}
+
 }  // namespace
 }  // namespace tm485

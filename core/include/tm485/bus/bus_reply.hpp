@@ -61,7 +61,9 @@ void Bus<P>::finish(Time now) noexcept {
     const DataId id = exchange_.id();
     const Time t1 = profile_->t1(exchange_.request());
     const bool heard = exchange_.error() == Errc::ok && Frame::parse(exchange_.reply(), id).has_value();
-    spacing_.on_reply_seen(now, heard ? profile_->exchange_min(id) : profile_->request_time(id), t1);
+    // An encoder that answers before its T2 is over cannot be told here: by its characters alone.
+    spacing_.on_reply_seen(now, profile_->request_time(id) + (heard ? profile_->reply_time(id) : Time{0}),
+                           t1);
     if (!heard && exchange_.has_reply_delay())
       spacing_.hold_off(exchange_.start() + capability_.latency_allowance + t1);
   }
