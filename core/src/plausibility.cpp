@@ -154,7 +154,7 @@ void PlausibilityGate::begin(Track& track, const PositionReading& reading) noexc
 
 /// A reading without turns that the track goes on with says nothing against a candidate that is whole turns away.
 [[gnu::noinline]] bool PlausibilityGate::differs_by_turns(const PositionReading& reading) const noexcept {
-  if (reading.turns != Turns::to_come || turnless_ || inside_) return false;
+  if (candidate_.length == 0 || reading.turns != Turns::to_come || turnless_ || inside_) return false;
   const std::int64_t turns = (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
   if (turns == 0) return false;
   const Window window = predict(candidate_, reading);
@@ -197,22 +197,38 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
 [[gnu::noinline]] GateVerdict PlausibilityGate::hold_back(const PositionReading& reading) noexcept {
   missed();
   const bool inside = near_track(reading);
-  const bool turnless =
-      reading.turns != Turns::known && !inside;  // where the shaft can be, they are those that it had
+  // Without turns, and as well where the shaft can be as where a row with other turns goes on: which of them is right, the
+  // replies with turns say, at least two of them; or else several such readings that the shaft is where it was thought to be.
+  const bool both = inside && differs_by_turns(reading);
+  const bool told = reading.turns == Turns::known;
+  bool turnless = !told && (!inside || both);  // where the shaft can be, they are those that it had
   bool agreed = candidate_.length != 0 && agrees(reading, turnless);
   if (!agreed && candidate_.length > 1) {  // the first one of the row may have been the wrong one
     candidate_.length = 1;
     inside_ = last_inside_;
     turnless_ = last_turnless_;
+    told_ = last_told_ ? 1 : 0;
+    both_ = 0;
     agreed = agrees(reading, turnless);
   }
   if (!agreed) {
     begin(candidate_, reading);
-    turnless_ = turnless;
+    turnless = turnless_ = !told && !inside;
+    told_ = both_ = 0;
   }
+  constexpr std::uint8_t kTellTurns = 2;
+  if (told && told_ < kTellTurns) ++told_;
+  if (both && agreed && both_ < kAgreeInside) ++both_;
   inside_ = inside && (inside_ || !agreed);
   last_inside_ = inside;
   last_turnless_ = turnless;
+  last_told_ = told;
+  if (both_ != 0 && told_ < kTellTurns) {
+    if (both_ < kAgreeInside || !both) return GateVerdict::held_back;
+    candidate_.raw = reading.raw;
+    inside_ = true;
+    turnless_ = false;
+  }
   if (candidate_.length < (inside_ ? kAgreeInside : kAgree)) return GateVerdict::held_back;
   if (turnless_ && reading.turns == Turns::to_come) return GateVerdict::held_back;
   // One wrong reading would not have agreed with the others.
