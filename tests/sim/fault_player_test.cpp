@@ -197,6 +197,27 @@ TEST(FaultPlayer, KeepsBothPartsOfAReplyThatPaused) {
   }
 }
 
+// The campaign (seed 1, run 4373) saw the second part of a reply before the first, and its CRC is right in any order.
+TEST(FaultPlayer, TheCharactersOfAReplyStayInTheirOrder) {
+  for (const char* plan :
+       {"late bytes=3us; t2 12us", "t2 12us; late bytes=3us", "late bytes=20us; late bytes=1us"}) {
+    World world(plan);
+    for (int k = 0; k < 20; ++k) ASSERT_EQ(world.ask().bytes, kRest) << plan;
+  }
+}
+
+// The campaign (seed 8, run 1345) took a reply for untouched into which the rest of the one before had come.
+TEST(FaultPlayer, TheRestOfAReplyThatMeetsTheNextOneIsAChangeOfThat) {
+  World world("late bytes=90us cycles=0");
+  (void)world.ask();
+  EXPECT_FALSE(world.encoder.faults().effects().bits_changed);
+  (void)world.ask();
+  EXPECT_TRUE(world.encoder.faults().effects().bits_changed);
+  EXPECT_TRUE(world.encoder.faults().effects().mixed);
+  (void)world.ask();
+  EXPECT_FALSE(world.encoder.faults().effects().bits_changed);
+}
+
 TEST(FaultPlayer, T2IsWhatThePlanSays) {
   World world("t2 8us cycles=1..");
   EXPECT_EQ(world.ask().starts, std::vector<Time>{us(7)});

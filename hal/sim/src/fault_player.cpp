@@ -180,10 +180,12 @@ bool FaultPlayer::on_own(Burst& burst) noexcept {
   if (speaker_ == nullptr) return false;
   const bool speaks = speaker_->hook->on_own(burst);
   const bool foreign = burst.talker == Talker::third;
+  // The rest of a reply that comes when the next request has been sent is part of another exchange as well.
+  const bool meets = speaks && (foreign || speaker_->broke_in != cycles_);
   if (speaks && foreign) ++speaker_->hits;
-  if (speaks) touch(burst.driver_off, foreign);
+  if (speaks) touch(burst.driver_off, meets);
   if (speaks) on_line_until_ = std::max(on_line_until_, burst.driver_off);
-  effects_.mixed = effects_.mixed || (speaks && foreign);
+  effects_.mixed = effects_.mixed || meets;
   if (speaks && keep_replies_ && burst.talker == Talker::encoder) {  // the rest of a reply
     const auto rest = std::min<unsigned>(burst.count, unsigned{Burst::kCapacity} - last_reply_.count);
     std::copy_n(burst.bytes.begin(), rest, last_reply_.bytes.begin() + last_reply_.count);
@@ -214,6 +216,7 @@ bool FaultPlayer::on_burst(Burst& burst) noexcept {
       distort(burst.start);
   }
   bool altered = false;
+  broken_ = false;
   for (Fault* const fault : active_) altered = apply(*fault, burst) || altered;
   if (lasting_ || restarted_until_ >= burst.start) [[unlikely]]
     note_states(burst);
@@ -226,6 +229,8 @@ bool FaultPlayer::apply(Fault& fault, Burst& burst) noexcept {
   if (fault.hook == nullptr) return false;
   if (fault.line.kind == FaultKind::t2) static_cast<OtherT2&>(*fault.hook).note_request(burst);
   if (fault.triggered && (!touches(fault.side, burst) || !fault.trigger->fires(burst.start))) return false;
+  if (fault.speaks && broken_)
+    return false;  // of two pauses the second part of the first would come too soon
   const Time driver_off = burst.driver_off;
   const bool altered = fault.hook->on_burst(burst);
   if (!altered && burst.driver_off == driver_off) return false;
@@ -234,7 +239,11 @@ bool FaultPlayer::apply(Fault& fault, Burst& burst) noexcept {
   touch(until, fault.changes_bits);
   on_line_until_ = std::max(on_line_until_, until);
   effects_.mixed = effects_.mixed || fault.line.kind == FaultKind::late_release;
-  if (fault.speaks) find_next_own();
+  if (fault.speaks) {
+    broken_ = true;
+    fault.broke_in = cycles_;
+    find_next_own();
+  }
   return altered;
 }
 
@@ -267,8 +276,12 @@ void FaultPlayer::look_at_windows(Time now) noexcept {
       fault.active = active;
       switch_state(fault, active, now);
     }
-    if (active && fault.hook != nullptr) active_.push_back(&fault);
   }
+  // What moves a reply as a whole comes before what breaks it in two.
+  for (const bool moves : {true, false})
+    for (Fault& fault : faults_)
+      if (fault.active && fault.hook != nullptr && (fault.line.kind == FaultKind::t2) == moves)
+        active_.push_back(&fault);
   lasting_ = drifting_ = false;
   for (const Fault& fault : faults_) {
     if (!fault.active) continue;

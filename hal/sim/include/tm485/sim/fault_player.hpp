@@ -75,6 +75,7 @@ class FaultPlayer final : public FaultHook {
     std::unique_ptr<FaultHook> hook;  // null: a state
     std::optional<FaultTrigger> trigger;
     std::uint64_t hits = 0;
+    std::uint64_t broke_in = 0;  // the request whose reply it has broken in two
     FaultSide side = FaultSide::both;
     bool triggered = false;
     bool changes_bits = false;
@@ -100,7 +101,7 @@ class FaultPlayer final : public FaultHook {
   std::uint8_t plain_sf_ = 0;
   std::uint8_t plain_almc_ = 0;
   std::vector<Fault> faults_;
-  std::vector<Fault*> active_;  // in the order of the plan; room for all
+  std::vector<Fault*> active_;  // in the order of the plan, but `t2` first; room for all
   std::vector<Fault*> restarts_;
   std::vector<Fault*> speakers_;
   Time next_window_{0};  // when one opens or closes, in time and in cycles
@@ -112,6 +113,7 @@ class FaultPlayer final : public FaultHook {
   Time on_line_until_ = -kNever;  // what faults have put there, or delayed
   Fault* speaker_ = nullptr;
   bool echoes_ = false;
+  bool broken_ = false;    // the burst under way has been broken in two
   bool lasting_ = false;   // a state that touches every exchange
   bool drifting_ = false;  // the encoder's bit rate
   bool keep_replies_ = false;
