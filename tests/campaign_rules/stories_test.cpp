@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "campaign/campaign.hpp"
+#include "tm485/sim/sim_options.hpp"
 
 namespace tm485::cli::campaign {
 namespace {
@@ -38,6 +39,62 @@ TEST(Story, AFrozenSensorThatTheShaftPassesAgainIsStillFrozen) {
   EXPECT_FALSE(result.failed.has_value()) << story(result);
   EXPECT_GT(result.totals.frozen_and_wrong, 0u);
   EXPECT_GT(result.totals.beyond, 0u);
+}
+
+/// A run that was drawn once, as it was.
+RunResult again(RunSetup setup, std::uint64_t seed, std::uint64_t number, const char* plan) {
+  setup.seed = seed;
+  setup.run = number;
+  setup.shaft = sim::parse_sim_options(setup.motion)->motion;
+  setup.plan = *sim::FaultPlan::parse(plan);
+  return run(setup);
+}
+
+// After 8 * 10^7 cycles: the servo loop began anew while the sensor stood still. Start-up saw nothing else, so neither speed nor
+// acceleration could say that the shaft had not stopped; the judge compared it with the last sample before the start-up.
+TEST(Story, AStartUpThatSeesAFrozenSensorOnlyCannotKnow) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::single_turn, Time{40'000}};
+  setup.start_jitter = Time{64};
+  setup.axis = true;
+  setup.after_restart = Continuity::until_homed;
+  setup.background = Background::resets;
+  setup.steal_every = 16;
+  setup.motion = "motion=constant:1845,start=2.336";
+  const RunResult result = again(setup, 6, 1934, "frozen from=421276us until=421581us seed=2614871");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+  EXPECT_GT(result.totals.beyond, 0u);
+}
+
+// After 6 * 10^7 cycles: a bit column was stuck while start-up read the turns, and three replies agree then as well as a
+// thousand. Replies of ID0 carried these turns on behind the fault.
+TEST(Story, TurnsThatStartUpReadThroughAStuckColumnAreWrong) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = {Time{40'000}, {{DataId::single_turn, 6}, {DataId::everything, 1, 2}}};
+  setup.start_jitter = Time{2'015};
+  setup.axis = true;
+  setup.after_restart = Continuity::until_homed;
+  setup.motion = "motion=constant:-1808,start=4.612";
+  const RunResult result =
+      again(setup, 4, 2874, "stuck column=5 value=0 from=523025us until=526079us seed=15749192");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+  EXPECT_GT(result.totals.lost_turns, 0u);
+}
+
+// After 1.6 * 10^8 cycles: two replies with turns came through a stuck column, and agreed with what ID0 said when it ended.
+TEST(Story, TwoRepliesThatAgreeOnWrongTurnsAreBelieved) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = {Time{207'000}, {{DataId::single_turn, 6}, {DataId::everything, 1, 2}}};
+  setup.start_jitter = Time{456};
+  setup.background = Background::eeprom_reads;
+  setup.motion = "motion=sine:0.1166:6,start=-3.049";
+  const RunResult result =
+      again(setup, 3, 2048, "stuck column=2 value=0 from=2978776us until=2982403us seed=4552233");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+  EXPECT_GT(result.totals.lost_turns, 0u);
 }
 
 }  // namespace

@@ -66,7 +66,9 @@ Judge::Shape Judge::shape_of(DataId id) noexcept {
 
 void Judge::on_other_record(const CycleRecord& record) noexcept {
   if (record.kind == CycleRecord::Kind::startup) {
-    if (record.result == Errc::ok) count_wrong(effects_->bits_changed, record.id);
+    if (record.result != Errc::ok) return;
+    count_wrong(effects_->bits_changed, record.id);
+    if (record.id == DataId::everything) turns_wrong_ = effects_->bits_changed;  // the turns begin with these
     return;
   }
   if (record.id != DataId::eeprom_write || !writes_hold_) return;
@@ -141,7 +143,10 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   // nobody sees it.
   const bool late_zero = resets_ && !has_turns && origin(sample.latch_time()) != origin_;
   const bool stepped = !reads_turns_ && sample.discontinuities() != steps_at_startup_;
-  const bool turns_unknown = late_zero || stepped || (turns_wrong_ && !has_turns);
+  // Two replies that agree on wrong turns are believed when a step comes besides.
+  constexpr unsigned kTellTurns = 2;
+  const bool told_wrong = turns_wrong_ || wrong_turns_in_a_row_ >= kTellTurns;
+  const bool turns_unknown = late_zero || stepped || (told_wrong && !has_turns);
   if (has_turns) turns_wrong_ = off > turn_ / 2;
   if (off > turn_ / 2 && turns_unknown) {
     ++totals_.lost_turns;

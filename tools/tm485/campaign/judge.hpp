@@ -186,9 +186,8 @@ class Judge {
   void on_startup(const Sample& sample) noexcept {
     if (writes_hold_) pause(encoder_->model().eeprom().busy_until());  // a write that start-up has cut off
     through_startup_ = true;
-    turns_wrong_ = false;
-    could_stand_ = true;  // nothing is known of its speed
-    frozen_samples_ = 1;
+    could_stand_ = true;  // of a sensor that has stood still through the start-up nothing is known
+    frozen_samples_ = 2;
     steps_at_startup_ = sample.discontinuities();
   }
 

@@ -42,9 +42,12 @@ std::string draw_motion(Dice& dice) {
     case 0:
       return fmt::format("motion=constant:{},start={}", rpm, start);
     case 1: {
-      // Its top speed is 2 pi times amplitude and frequency; kept below 5000 rpm.
+      // Amplitude in turns: 2 pi f of it is the top speed, kept below 5000 rpm, and (2 pi f)^2 the top acceleration, kept
+      // below nine tenths of the 10^6 rpm/s that the axis is told.
       const auto hz = std::llround(dice.between(1.0, 40.0));
-      const double amplitude = std::round(dice.between(0.01, 13.0 / static_cast<double>(hz)) * 1e4) * 1e-4;
+      const auto f = static_cast<double>(hz);
+      const double most = std::min(13.0 / f, 380.0 / (f * f));
+      const double amplitude = std::round(dice.between(0.01, most) * 1e4) * 1e-4;
       return fmt::format("motion=sine:{}:{},start={}", amplitude, hz, start);
     }
     case 2:
