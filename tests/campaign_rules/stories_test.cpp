@@ -97,5 +97,34 @@ TEST(Story, TwoRepliesThatAgreeOnWrongTurnsAreBelieved) {
   EXPECT_GT(result.totals.lost_turns, 0u);
 }
 
+// After 1.4 * 10^8 cycles: the reply had lost its CF, and the host heard its own, the same byte, before the rest.
+TEST(Story, AnEchoIsPartOfAFrameThatHasLostItsFirstByte) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::everything, Time{113'500}};
+  setup.start_jitter = Time{4'051};
+  setup.latency = Time{29'000};
+  setup.axis = true;
+  setup.motion = "motion=constant:3320,start=4.214";
+  const RunResult result = again(setup, 103, 2842,
+                                 "lose replies=0.014361758569401506 characters=0.0018062153126054577 "
+                                 "until=208252us seed=7864881; echo from=208185us until=208190us seed=6764659");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
+// After 1.5 * 10^8 cycles: the jitter of the port had lost a slot to T1, so that the sample was overdue, with no fault, when
+// the loop asked to take hold again.
+TEST(Story, AResumeMayComeWhenASlotIsLostToJitter) {
+  RunSetup setup;
+  setup.profile = "tformat_23";
+  setup.pattern = {Time{62'500}, {{DataId::everything, 2}, {DataId::single_turn, 2}}};
+  setup.start_jitter = Time{2'937};
+  setup.axis = true;
+  setup.after_restart = Continuity::until_homed;
+  setup.motion = "motion=constant:1317,start=-4.54";
+  const RunResult result = again(setup, 102, 2161, "babble from=392241us until=394829us seed=14550913");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -252,7 +252,7 @@ void FaultPlayer::note_states(const Burst& burst) noexcept {
   if (lasting_) {
     const bool distorts = stage_.distortion != nullptr && stage_.distortion->distorts();
     touch(burst.driver_off, distorts);
-    effects_.mixed = effects_.mixed || distorts;
+    effects_.mixed = effects_.mixed || distorts || echoes_;
   }
   if (restarted_until_ >= burst.start) touch(restarted_until_, false);
 }

@@ -22,7 +22,7 @@ class LoopReader {
         dice_(setup.seed + setup.run + 17),
         after_restart_(setup.after_restart),
         longest_write_(setup.writes_hold_the_line() ? kLongestWrite : Time{0}),
-        alone_(setup.background == Background::none && setup.latency == Time{0}),
+        alone_(setup.background == Background::none && setup.latency == Time{0} && setup.keeps_every_slot()),
         period_(setup.cycle_time()),
         fresh_bound_(setup.time_of_positions(1) + kLongestExchange + setup.latency),
         in_flight_(kLongestExchange + setup.latency),

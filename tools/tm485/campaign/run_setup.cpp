@@ -145,6 +145,14 @@ Time RunSetup::cycle_time() const noexcept {
   return longest + start_jitter + latency * 2;
 }
 
+bool RunSetup::keeps_every_slot() const noexcept {
+  for (std::size_t k = 0; k < pattern.size(); ++k) {
+    const Pattern::Step& step = pattern.step(k);
+    if (slot_of(pattern) * step.slots < t1_of(step.id) + start_jitter) return false;
+  }
+  return true;
+}
+
 Time RunSetup::position_time() const noexcept {
   std::int64_t most = 1;
   std::int64_t between = 0;

@@ -50,6 +50,8 @@ struct RunSetup {
   [[nodiscard]] sim::SimOptions sim_options() const;
   /// From one request of the cycle to the next, at most, without a fault.
   [[nodiscard]] Time cycle_time() const noexcept;
+  /// No request can start so late that the next slot is lost to T1.
+  [[nodiscard]] bool keeps_every_slot() const noexcept;
   /// From one position to the next, at most, likewise, if the background takes no slot.
   [[nodiscard]] Time position_time() const noexcept;
   /// For so many of them, with the slots that the background may take meanwhile.
