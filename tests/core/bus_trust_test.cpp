@@ -111,6 +111,38 @@ TEST_F(BusTrust, ReReferencingOutlivesASecondRestartAndAFailedStartUp) {
   EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
 }
 
+// Found by the campaign (seed 105, run 4963): the highest bit of the turns was stuck for a while. Half of all turns is as far up as
+// down; both steps went the same way, and the position was wrong by 65536 turns for ever.
+TEST_F(BusTrust, AStepOfHalfOfAllTurnsAndBackEndsWhereItBegan) {
+  begin_at_turn(0xFF2A);
+  const std::int64_t position = bus->latest().position();
+  for (const std::uint32_t abs : {1'000U, 900U, 1'100U}) {
+    encoder.abm = 0x7F2A;
+    run_cycles(10);
+    EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+    EXPECT_EQ(bus->latest().position(), position + encoder.abs - 1'000 + 32'768 * kTurn);
+    encoder.abm = 0xFF2A;
+    encoder.abs = abs;
+    run_cycles(10);
+    EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+    EXPECT_EQ(bus->latest().position(), position + abs - 1'000);
+  }
+  EXPECT_EQ(bus->statistics().discontinuities, 6U);
+}
+
+// And a shaft that stands where half of all turns is, give or take a count, is found there.
+TEST_F(BusTrust, AStepOfHalfOfAllTurnsIsFollowedWhereTheNearestIsNoLongerTheSame) {
+  begin_at_turn(7);
+  encoder.abm = 7 + 0x8000;
+  hook = [this](const test::Bytes& request, Time, ScriptedPort::Answer& answer) {
+    encoder.abs = encoder.abs == 1'000 ? 999 : 1'000;
+    answer.bytes = encoder.reply(request);
+  };
+  run_cycles(PlausibilityGate::kAgree);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+  EXPECT_EQ(bus->statistics().discontinuities, 1U);
+}
+
 // T-format: "main power on while the shaft turns". The encoder may have been away for less than a cycle.
 TEST_F(BusTrust, AStatusBitThatOnlyPowerUpSetsIsARestart) {
   begin_at_turn(7, "tformat_17");

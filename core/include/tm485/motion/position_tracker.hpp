@@ -91,6 +91,7 @@ class PositionTracker {
 
  private:
   [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits) const noexcept;
+  [[nodiscard]] std::int64_t moved_far(const Frame& frame, Time gap, std::int64_t nearest) const noexcept;
   [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   [[nodiscard]] bool restarted(const Frame& frame, Turns turns) const noexcept;
@@ -101,6 +102,7 @@ class PositionTracker {
   const CompiledProfile* profile_;
   std::int64_t offset_;  ///< reference turn and zero offset, in counts
   Time unwrap_limit_;
+  std::int64_t far_;  ///< a quarter of what turns and ABS together can say: see moved_far()
   PlausibilityGate gate_;
 
   // What the last reply left.
@@ -159,6 +161,8 @@ inline Errc PositionTracker::unwrap(const Frame& frame, Time gap, std::int64_t& 
   const unsigned turn_bits = profile.multi_turn_bits;
   if (frame.id() == DataId::everything && turn_bits != 0) {
     step = moved(frame, bits, turn_bits);
+    if (static_cast<std::uint64_t>(step + far_) >= 2 * static_cast<std::uint64_t>(far_)) [[unlikely]]
+      step = moved_far(frame, gap, step);
     return Errc::ok;
   }
   if (!has_raw_) {
