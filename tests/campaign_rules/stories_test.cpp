@@ -106,9 +106,10 @@ TEST(Story, AnEchoIsPartOfAFrameThatHasLostItsFirstByte) {
   setup.latency = Time{29'000};
   setup.axis = true;
   setup.motion = "motion=constant:3320,start=4.214";
-  const RunResult result = again(setup, 103, 2842,
-                                 "lose replies=0.014361758569401506 characters=0.0018062153126054577 "
-                                 "until=208252us seed=7864881; echo from=208185us until=208190us seed=6764659");
+  const RunResult result =
+      again(setup, 103, 2842,
+            "lose replies=0.014361758569401506 characters=0.0018062153126054577 "
+            "until=208252us seed=7864881; echo from=208185us until=208190us seed=6764659");
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
@@ -123,6 +124,64 @@ TEST(Story, AResumeMayComeWhenASlotIsLostToJitter) {
   setup.after_restart = Continuity::until_homed;
   setup.motion = "motion=constant:1317,start=-4.54";
   const RunResult result = again(setup, 102, 2161, "babble from=392241us until=394829us seed=14550913");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
+// After 2 * 10^8 cycles: behind turns that start-up had read wrong the axis was where it had been before, and the judge was not.
+TEST(Story, TurnsThatWereCarriedOnToWrongOnesComeBackWithAStep) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::everything, Time{62'500}};
+  setup.start_jitter = Time{1'583};
+  setup.axis = true;
+  setup.after_restart = Continuity::re_reference;
+  setup.motion = "motion=constant:0,start=-3.039";
+  const RunResult result =
+      again(setup, 107, 1052, "stuck column=2 value=0 from=174334us until=177515us seed=15389957");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
+// After 2.5 * 10^8 cycles: somebody had spoken between two cycles, so that the second could not be sent. It was counted among
+// those behind the fault.
+TEST(Story, ACycleThatSomebodyKeptFromBeingSentIsAFaultyOne) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::single_turn, Time{153'000}};
+  setup.background = Background::resets;
+  setup.motion = "motion=trapezoid:4751:485026:0.05,start=-1.106";
+  const RunResult result = again(setup, 109, 2268,
+                                 "stuck column=6 value=0 from=142879us until=144905us seed=2057939; "
+                                 "talker every=6727us characters=6 until=144905us seed=8307865");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
+// After 2.6 * 10^8 cycles: a reset of the turns ended in noise, start-up came, and no sample until the next one. What was carried
+// on over that were the turns of the first, not of the last sample.
+TEST(Story, ASecondStartUpBehindAResetCarriesTheTurnsOfTheFirst) {
+  RunSetup setup;
+  setup.profile = "tm485_23";
+  setup.pattern = Cycle{DataId::single_turn, Time{40'000}};
+  setup.start_jitter = Time{1'217};
+  setup.axis = true;
+  setup.after_restart = Continuity::re_reference;
+  setup.background = Background::resets;
+  setup.steal_every = 2;
+  setup.motion = "motion=constant:5018,start=2.35";
+  const RunResult result = again(setup, 110, 2964, "babble from=690566us until=696754us seed=11158125");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
+// After 2.8 * 10^8 cycles: jitter lost a slot of a pattern to T1 while a step was followed.
+TEST(Story, ASlotThatIsLostToJitterIsNoCycle) {
+  RunSetup setup;
+  setup.profile = "tformat_17";
+  setup.pattern = {Time{62'500}, {{DataId::everything, 3}, {DataId::single_turn, 1}}};
+  setup.start_jitter = Time{2'640};
+  setup.axis = true;
+  setup.after_restart = Continuity::until_homed;
+  setup.motion = "motion=trapezoid:-4083:129187:0.05,start=-0.352";
+  const RunResult result =
+      again(setup, 117, 4206, "stuck column=7 value=0 from=695408us until=695691us seed=16232269");
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 

@@ -93,14 +93,17 @@ bool Judge::frame_is_broken() const noexcept {
 /// The first sample behind a start-up. Where turns are carried on over a restart, its position is the one nearest to the
 /// last, give or take what the shaft turns from the end of the start-up on; the encoder's own count may be others.
 bool Judge::find_origin(const Sample& sample, Time now) noexcept {
-  const bool carries = carries_turns_ && any_fresh_ && !new_origin_;
+  const bool any_before = any_fresh_;
+  const bool carries = carries_turns_ && any_before && !new_origin_;
   any_fresh_ = true;
   new_origin_ = false;
   origin_ = origin(sample.latch_time());
   if (!carries_turns_) return true;
   const std::int64_t off = sample.position() - encoder_->model().last_latch().counts;
   const std::int64_t turns = (off + turn_ / 2) >> std::countr_zero(static_cast<std::uint64_t>(turn_));
-  carried_ = carries ? turns * turn_ : 0;
+  // Behind a reset a start-up without a sample may have come already: its turns are what is carried on then.
+  carried_ = any_before ? turns * turn_ : 0;
+  carried_doubtful_ = turns_wrong_;
   const std::int64_t step = std::abs(sample.position() - position_);
   constexpr std::int64_t kTenths = 6;
   return !carries || step * 10 <= turn_ * kTenths ||
@@ -133,6 +136,12 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   // Without timestamps the sample's latch time is a bound: what it must be is what the model latched, within its own ±.
   const sim::Latch& latch = encoder_->model().last_latch();
   const bool by_latch = clean && slow_ && latched_at(latch, sample);
+  if (carried_doubtful_ &&
+      sample.discontinuities() != steps_at_startup_) {  // back from turns that start-up read wrong
+    carried_doubtful_ = false;
+    const std::int64_t elsewhere = sample.position() - encoder_->model().shaft_counts(sample.latch_time());
+    carried_ = (elsewhere + turn_ / 2) & -turn_;
+  }
   const std::int64_t truth =
       (by_latch ? latch.counts : encoder_->model().shaft_counts(sample.latch_time())) + carried_;
   std::int64_t off = std::abs(sample.position() - truth);

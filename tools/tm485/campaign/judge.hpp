@@ -88,6 +88,9 @@ class Judge {
       id_ = record.id;
       shape_ = shape_of(id_);
     }
+    // Somebody has spoken since the cycle before: this one, which could not be sent, is the last that the fault has spoilt.
+    if (record.result == Errc::line_not_quiet && effects.last >= cycle_seen_) pause(now);
+    cycle_seen_ = now;
     // What brings no position shows the last one, and does not call it fresh. A command that begins start-up anew may have
     // come behind the cycle within the same poll.
     const bool due = good && shape_.positioned && bus.state() == BusState::running;
@@ -211,10 +214,12 @@ class Judge {
   std::int64_t uncertain_;  // counts that the shaft turns in the uncertainty of the latch
   double stopping_;         // the greatest acceleration, in counts per ns^2
   Time clear_since_;
+  Time cycle_seen_{0};  // when the last one ended
   Time fresh_latch_{0};
-  std::int64_t position_ = 0;  // of that sample
-  std::int64_t carried_ = 0;   // turns carried on over restarts, in counts
-  std::int64_t origin_ = 0;    // as of the last start-up
+  std::int64_t position_ = 0;      // of that sample
+  std::int64_t carried_ = 0;       // turns carried on over restarts, in counts
+  bool carried_doubtful_ = false;  // to where start-up read wrong turns
+  std::int64_t origin_ = 0;        // as of the last start-up
   bool any_fresh_ = false;
   bool new_origin_ = false;
   bool through_startup_ = true;

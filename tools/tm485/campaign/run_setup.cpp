@@ -160,6 +160,8 @@ Time RunSetup::position_time() const noexcept {
     if (has_position(pattern.step(k % pattern.size()).id)) between = 0;
     most = std::max(most, ++between);
   }
+  // The slots of a pattern stay where they are: behind a late start the next one may be lost.
+  if (pattern.size() > 1 && !keeps_every_slot()) most *= 2;
   return cycle_time() * most;
 }
 
