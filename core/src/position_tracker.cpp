@@ -24,20 +24,13 @@ PositionTracker::PositionTracker(const CompiledProfile& profile, const AxisConfi
              << bits) +
             std::clamp(axis.zero_offset, -kLargestOffset, kLargestOffset);  // made before start() refuses it
   unwrap_limit_ = Time(kNsPerMinute / 2 / rpm);
-  const unsigned all = bits + profile.profile().multi_turn_bits;
-  far_ = std::int64_t{1} << (all - 2);
+  far_ = 1U << (std::max(bits + profile.profile().multi_turn_bits, 18U) - 18);
 }
 
-/// Unless the shaft can have turned so far in `gap`, this is a step, and where that goes the nearest does not tell: half of all
-/// turns is as far up as down. It stays in the round of the turn counter in which it was.
-std::int64_t PositionTracker::moved_far(const Frame& frame, Time gap, std::int64_t nearest) const noexcept {
-  const unsigned bits = profile_->profile().single_turn_bits;
-  const unsigned turn_bits = profile_->profile().multi_turn_bits;
-  if (gap >= unwrap_limit_ * (std::int64_t{1} << (turn_bits - 1)))
-    return nearest;  // a quarter of them, in half turns
-  const unsigned above = 64 - bits - turn_bits;
-  const auto in_round = static_cast<std::int64_t>(static_cast<std::uint64_t>(raw_) << above) >> above;
-  return frame.turns(turn_bits) * (std::int64_t{1} << bits) + frame.abs() - in_round;
+/// The shaft has not turned so far: it is a step, and where that goes the nearest does not tell. Half of all turns is as far up
+/// as down. It stays in the round of the turn counter in which it was.
+std::int64_t PositionTracker::moved_far(std::uint64_t sent, unsigned above) const noexcept {
+  return extended(sent, above) - extended(static_cast<std::uint64_t>(raw_), above);
 }
 
 void PositionTracker::note(const Reply& reply) noexcept { take_fields(reply.frame()); }

@@ -90,8 +90,10 @@ class PositionTracker {
   [[nodiscard]] Time unwrap_limit() const noexcept { return unwrap_limit_; }
 
  private:
-  [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits) const noexcept;
-  [[nodiscard]] std::int64_t moved_far(const Frame& frame, Time gap, std::int64_t nearest) const noexcept;
+  [[nodiscard]] static std::int64_t extended(std::uint64_t value, unsigned above) noexcept;
+  [[nodiscard]] std::int64_t moved(const Frame& frame, unsigned bits, unsigned turn_bits,
+                                   Time gap) const noexcept;
+  [[nodiscard]] std::int64_t moved_far(std::uint64_t sent, unsigned above) const noexcept;
   [[nodiscard]] Errc unwrap(const Frame& frame, Time gap, std::int64_t& step) const noexcept;
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   [[nodiscard]] bool restarted(const Frame& frame, Turns turns) const noexcept;
@@ -102,7 +104,6 @@ class PositionTracker {
   const CompiledProfile* profile_;
   std::int64_t offset_;  ///< reference turn and zero offset, in counts
   Time unwrap_limit_;
-  std::int64_t far_;  ///< a quarter of what turns and ABS together can say: see moved_far()
   PlausibilityGate gate_;
 
   // What the last reply left.
@@ -112,6 +113,7 @@ class PositionTracker {
   Time uncertainty_{0};     ///< of both
   std::uint32_t sequence_ = 0;
   std::uint32_t electrical_offset_;
+  std::uint32_t far_;  ///< a quarter of what turns and ABS together can say, in 2^16 counts: see moved_far()
   std::int32_t turns_ = 0;
   std::uint32_t announced_hold_ns_ = 0;
   std::uint32_t discontinuities_ = 0;
@@ -137,21 +139,30 @@ class PositionTracker {
   std::int64_t carried_ = 0;  ///< what of offset_ are turns that were carried on
 };
 
+/// A number whose upper `above` bits say nothing.
+inline std::int64_t PositionTracker::extended(std::uint64_t value, unsigned above) noexcept {
+  // Sign extension in the half that has the sign: 64-bit shifts by a variable are long.
+  if (above < 32) {
+    const auto high = static_cast<std::int32_t>(static_cast<std::uint32_t>(value >> 32) << above) >> above;
+    return static_cast<std::int64_t>(std::uint64_t{static_cast<std::uint32_t>(high)} << 32 |
+                                     static_cast<std::uint32_t>(value));
+  }
+  return Frame::sign_extend(static_cast<std::uint32_t>(value), 64 - above);
+}
+
 /// How far a frame with turns is from the last position: as a number of as many bits as turns and ABS have together, so
-/// the shaft may have turned by half of them.
-inline std::int64_t PositionTracker::moved(const Frame& frame, unsigned bits,
-                                           unsigned turn_bits) const noexcept {
+/// the shaft may have turned by half of them in `gap`.
+inline std::int64_t PositionTracker::moved(const Frame& frame, unsigned bits, unsigned turn_bits,
+                                           Time gap) const noexcept {
   const std::uint32_t turns = frame.abm();
   const std::uint64_t sent = (std::uint64_t{turns >> (32 - bits)} << 32 | turns << bits) + frame.abs();
-  const std::uint64_t distance = sent - static_cast<std::uint64_t>(raw_);
-  // Sign extension in the half that has the sign: 64-bit shifts by a variable are long.
   const unsigned above = 64 - bits - turn_bits;
-  if (above < 32) {
-    const auto high = static_cast<std::int32_t>(static_cast<std::uint32_t>(distance >> 32) << above) >> above;
-    return static_cast<std::int64_t>(std::uint64_t{static_cast<std::uint32_t>(high)} << 32 |
-                                     static_cast<std::uint32_t>(distance));
-  }
-  return Frame::sign_extend(static_cast<std::uint32_t>(distance), 64 - above);
+  const std::int64_t nearest = extended(sent - static_cast<std::uint64_t>(raw_), above);
+  constexpr int kHalfTurns = 64;  // that the shaft can have made; a quarter of all turns is as many or more
+  if (static_cast<std::uint32_t>(nearest >> 16) + far_ >= 2 * far_ && gap < unwrap_limit_ * kHalfTurns)
+      [[unlikely]]
+    return moved_far(sent, above);
+  return nearest;
 }
 
 /// The step from the last position. Without one, raw_ is zero.
@@ -160,9 +171,7 @@ inline Errc PositionTracker::unwrap(const Frame& frame, Time gap, std::int64_t& 
   const unsigned bits = profile.single_turn_bits;
   const unsigned turn_bits = profile.multi_turn_bits;
   if (frame.id() == DataId::everything && turn_bits != 0) {
-    step = moved(frame, bits, turn_bits);
-    if (static_cast<std::uint64_t>(step + far_) >= 2 * static_cast<std::uint64_t>(far_)) [[unlikely]]
-      step = moved_far(frame, gap, step);
+    step = moved(frame, bits, turn_bits, gap);
     return Errc::ok;
   }
   if (!has_raw_) {
