@@ -185,5 +185,23 @@ TEST(Story, ASlotThatIsLostToJitterIsNoCycle) {
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
+// After 7 * 10^8 cycles: two replies of a pattern had the same wrong turns, and what came between them fitted.
+TEST(Story, TwoRepliesOfAPatternWithTheSameWrongTurnsAreAStep) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = {Time{40'000},
+                   {{DataId::single_turn, 3},
+                    {DataId::multi_turn, 1},
+                    {DataId::everything, 1, 3},
+                    {DataId::encoder_id, 1}}};
+  setup.axis = true;
+  setup.motion = "motion=trapezoid:-4601:809246:0.05,start=-3.755";
+  const RunResult result =
+      again(setup, 207, 4914,
+            "bits requests=3.669492405882936e-05 replies=0.001916360641468694 until=390193us seed=11018303; "
+            "stuck column=6 value=0 from=389349us until=390193us seed=6220090");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -38,6 +38,7 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       writes_hold_(setup.writes_hold_the_line()),
       carries_turns_(setup.axis && setup.after_restart == Continuity::re_reference),
       reads_turns_(reads_turns(setup.pattern)),
+      mixed_(setup.pattern.size() > 1),
       position_time_(setup.position_time()),
       loss_bound_(setup.cycle_time() * kCyclesUntilLoss + kLongestExchange),
       recovery_bound_(setup.time_of_positions(kCyclesUntilFresh) + kLongestExchange),
@@ -174,7 +175,8 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   // The half-width counts undetected errors of three readings in a row. A line that makes the same bits of each frame wrong
   // looks like a shaft elsewhere.
   constexpr unsigned kInARow = 3;
-  const bool again = std::max(wrong_in_a_row_, wrong_turns_in_a_row_) >= kInARow;
+  const unsigned turns_in_a_row = mixed_ ? kTellTurns : kInARow;
+  const bool again = wrong_in_a_row_ >= kInARow || wrong_turns_in_a_row_ >= turns_in_a_row;
   const bool unknowable = (!clean && again) || (effects.frozen && could_stand_);
   if (!unknowable) return fail(Rule::position, now, off, allowed);
   ++totals_.beyond;

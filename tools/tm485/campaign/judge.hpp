@@ -205,6 +205,7 @@ class Judge {
   bool writes_hold_;
   bool carries_turns_;
   bool reads_turns_;
+  bool mixed_;  // the pattern reads several IDs
   Time position_time_;
   Time loss_bound_;
   Time recovery_bound_;
