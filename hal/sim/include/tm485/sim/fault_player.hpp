@@ -28,8 +28,8 @@ struct FaultEffects {
   Time last_change = -kNever;  ///< likewise, of one that has changed bits or put some on the line
   bool touched = false;        ///< this exchange, in any way
   bool bits_changed = false;   ///< in its request or its reply
-  bool mixed = false;          ///< likewise, by another talker, a distortion, the rest of an earlier reply or an echo
-  bool frozen = false;         ///< the encoder's sensor stands still
+  bool mixed = false;  ///< likewise, by another talker, a distortion, the rest of an earlier reply or an echo
+  bool frozen = false;     ///< the encoder's sensor stands still
   bool restarted = false;  ///< the effect that `last` speaks of is a restart: the encoder has booted by then
 };
 
