@@ -118,6 +118,18 @@ TEST_F(AxisTest, BeforeTheFirstSampleNothingIsValidAndNobodyIsCalled) {
   EXPECT_EQ(torque_offs, 0);
 }
 
+TEST_F(AxisTest, WhyStartUpDoesNotEndIsInTheView) {
+  alive = false;
+  make();
+  ASSERT_TRUE(axis->start(driver.now));
+  run(ms(3'000));
+  (void)read();
+  EXPECT_EQ(client().view().startup_cause, Errc::timeout);
+  alive = true;
+  ASSERT_TRUE(run(ms(3'000), [&] { return read().validity == SampleValidity::fresh; }));
+  EXPECT_EQ(client().view().startup_cause, Errc::ok);
+}
+
 TEST_F(AxisTest, FreshThenExtrapolatedThenInvalid) {
   begin_running();
   const Time latch = read().sample->latch_time();

@@ -37,6 +37,7 @@ TEST_F(BusBackground, RunsInTheGapAndTheGridKeepsItsPhase) {
     ASSERT_TRUE(bus->offer(*Request::eeprom_read(address)));
     const auto completion = run_until_completion();
     ASSERT_TRUE(completion);
+    EXPECT_EQ(completion->ticket, 0U) << "none was given";
     ASSERT_TRUE(completion->result);
     EXPECT_EQ(completion->request.address(), address);
     EXPECT_EQ(completion->result->frame().edf(), 0x5A);

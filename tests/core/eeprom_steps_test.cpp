@@ -276,6 +276,25 @@ TEST_F(EepromSteps, RangesAndKnowledgeMustFit) {
   EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::bad_argument));
   manager.emplace(profile, EepromKnowledge{std::span(value).first(kBytes - 1), known});
   EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::bad_argument));
+  manager.emplace(profile, EepromKnowledge{value, {}});
+  EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::bad_argument)) << "half of it";
+  manager.emplace(profile, EepromKnowledge{{}, known});
+  EXPECT_EQ(manager->start_read(0, to), std::unexpected(Errc::bad_argument));
+}
+
+TEST_F(EepromSteps, ATaskBehindOneThatFailedAsItWroteBeginsByReading) {
+  write(5, 0x42);
+  Request request = ask();
+  for (int k = 0; k < 10 && request.id() != DataId::eeprom_write; ++k) {
+    obey(request);
+    request = ask();
+  }
+  manager->on_refused(Errc::no_gap, now);
+  ASSERT_EQ(outcome().code, Errc::no_gap);
+  write(6, 0x43);
+  const Request first = ask();
+  EXPECT_EQ(first.id(), DataId::eeprom_read);
+  EXPECT_EQ(first.address(), 6U);
 }
 
 TEST_F(EepromSteps, TheTimeThatIsLeftShrinks) {

@@ -220,12 +220,14 @@ TEST(StateCovariance, OfTwoSamplesIsThatOfTheirDifference) {
 
 TEST(Estimator, TooLongAGapStartsAnew) {
   const auto check = [](auto estimator) {
-    for (std::int64_t i = 0; i < 10; ++i) estimator.update(i * 100, Time{i * 62'500});
+    for (std::int64_t i = 0; i < 10; ++i) estimator.update(i * 100 + i % 2 * 40, Time{i * 62'500});
+    EXPECT_NE(estimator.innovation(), 0);
     const Time last{9 * 62'500};
     EXPECT_EQ(estimator.miss(last + Time{20 * 62'500}), EstimatorState::bridging);
     EXPECT_EQ(estimator.miss(last + Time{20 * 62'500 + 1}), EstimatorState::lost);
     EXPECT_FALSE(estimator.at(last).valid());
     EXPECT_EQ(estimator.update(7'000'000, last + ms(2)), EstimatorState::starting);
+    EXPECT_EQ(estimator.innovation(), 0);
     EXPECT_EQ(estimator.update(7'000'000, last + ms(2) + us(62)), EstimatorState::tracking);
     EXPECT_EQ(estimator.at(last + ms(3)).position, 7'000'000);
     // Without being told of the misses it comes to the same.

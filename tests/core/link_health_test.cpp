@@ -62,6 +62,17 @@ TEST_F(LinkHealthTest, FailuresOfTwoWindowsAreNotAddedUp) {
   EXPECT_EQ(link.state(), LinkState::good);
 }
 
+TEST_F(LinkHealthTest, FailuresBeforeALossAreNotCountedBehindIt) {
+  for (int i = 0; i < 9; ++i) {
+    link.on_failed(Errc::crc_error);
+    good(1);
+  }
+  link.on_lost();
+  link.on_found(true);
+  link.on_failed(Errc::crc_error);
+  EXPECT_EQ(link.state(), LinkState::good);
+}
+
 TEST_F(LinkHealthTest, IsGoodAgainOnlyAfterAWholeWindowBelowTheLowerThreshold) {
   for (int i = 0; i < 10; ++i) {
     link.on_failed(Errc::crc_error);

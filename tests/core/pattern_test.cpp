@@ -217,6 +217,9 @@ TEST(Pattern, AServoPeriodThatDoesNotFitIsRefusedWithASlotThatDoes) {
   r = refusal(Cycle{DataId::everything, us(130)}, locked(us(100), us(55)));
   EXPECT_EQ(r.code, Errc::servo_mismatch);
   EXPECT_EQ(r.nearest, us(200));
+  r = refusal({us(70), {{DataId::single_turn, 1}, {DataId::multi_turn, 1}}}, locked(us(125), us(55)));
+  EXPECT_EQ(r.code, Errc::servo_mismatch);
+  EXPECT_EQ(r.nearest, us(125)) << "two slots are 250 us then, twice the period";
   EXPECT_EQ(refusal(Cycle{DataId::everything, us(100)}, locked(ns(0), us(40))).code, Errc::servo_mismatch);
   EXPECT_EQ(refusal(Cycle{DataId::everything, us(100)}, locked(ms(30), us(40))).code, Errc::servo_mismatch)
       << "300 patterns in a period";

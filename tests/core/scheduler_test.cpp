@@ -51,6 +51,9 @@ TEST(Scheduler, RefusesWithTheNearestPossible) {
   expect_refused({DataId::everything, std::chrono::hours(2)}, {}, Errc::bad_argument, std::chrono::hours(1));
   for (const DataId id : kDataIds)
     if (number(id) > 3) expect_refused({id, ms(20)}, {}, Errc::bad_argument, ns(0));
+  const auto nothing = Scheduler::make(Pattern{us(70), {}}, Phase{}, profile(), {});
+  ASSERT_FALSE(nothing);
+  EXPECT_EQ(nothing.error().nearest, Time{0}) << "no slot would help";
 }
 
 TEST(Scheduler, APatternOfMoreThanAnHourIsRefused) {
