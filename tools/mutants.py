@@ -8,12 +8,12 @@
     tools/mutants.py --explained                                       those that tests/mutant_exceptions.txt excuses
 
 A mutant is one of: an operator swapped (< <= == && + & << ...), a constant one more or less, a statement removed, a
-condition negated, true for false (tools/mutant_sites.py). Initial values of private members are left alone: most are set
-again before anybody reads them, and are there for the linter. A mutant is killed if a test fails or runs for too long, or
-if a static_assert refuses it; one that does not compile for another reason is no mutant, and the next is taken. It
-survives if nothing notices in tests/core, integration, sync, c, design, the corpora of tests/fuzz, or 50 000 cycles of
-tests/campaign. tests/mutant_exceptions.txt holds survivors that no test can kill, each with the reason: they are counted
-apart.
+condition negated, true for false (tools/mutant_sites.py). Initial values of private members, and 0 and false of the
+others, are left alone: most are set again before anybody reads them, and are there for the linter. A mutant is killed if
+a test fails or runs for too long, or if a static_assert refuses it; one that does not compile for another reason is no
+mutant, and the next is taken. It survives if nothing notices in tests/core, integration, sync, c, design, the corpora of
+tests/fuzz, or 50 000 cycles of tests/campaign. tests/mutant_exceptions.txt holds survivors that no test can kill, each
+with the reason: they are counted apart.
 
 Each file of tests is a program of its own here. A mutant meets the tests that belong to its file first, then the others,
 those first that have noticed most; the first that fails ends it. Only what includes the changed file is compiled again; a
@@ -49,8 +49,9 @@ EXCEPTIONS = "tests/mutant_exceptions.txt"
 MUTATED = ["core/src", "core/include"]
 # Texts and numbers that no test can know better.
 NOT_MUTATED = re.compile(r"core/src/(errc|version)\.cpp|version\.h(pp)?$|sync/atomics\.hpp")
-# Initial values of private members.
-INITIAL = re.compile(r"  [\w:<>, ]+ \w+_(\{[^{}();]*\}| = [^();=]+);")
+# Initial values: of private members, and those of others that say nothing.
+RECORDS = [re.compile(rf"^{at}(?:struct|class) [^;{{]*\{{\n.*?^{at}\}};", re.M | re.S) for at in ("", "  ")]
+INITIAL = re.compile(r"( +)[\w:<>, ]+ (?:\w+_(?:\{[^{}();]*\}| = [^();=]+)|\w+(?:\{0?\}| = (?:0|0\.0F|false)));")
 INCLUDES = ["core/include", "core/c/include", "core/c/src", "core/design/include", "hal/sim/include", "tests"]
 FLAGS = ["-w", "-D_GLIBCXX_ASSERTIONS", "-DTM485_TEST_SLOW", f'-DTM485_TEST_VECTORS="{TREE}/tests/vectors"', f'-DTM485_FUZZ_CORPUS="{TREE}/tests/fuzz/corpus"']
 # Most tests of the core take longer to compile than to run; the others simulate millions of cycles.
@@ -323,7 +324,13 @@ def describe(mutant, text):
 
 
 def is_initial(mutant, text):
-    return INITIAL.match(text, text.rfind("\n", 0, mutant[2]) + 1) is not None
+    begin = text.rfind("\n", 0, mutant[2]) + 1
+    member = INITIAL.match(text, begin)
+    if member is None or "static" in member[0]:
+        return False
+    # Bodies of functions are indented by more than the members around them.
+    depth = len(member[1]) // 2 - 1
+    return depth < len(RECORDS) and any(r.start() < begin < r.end() for r in RECORDS[depth].finditer(text))
 
 
 def excuses():

@@ -206,6 +206,22 @@ TEST(ServoLock, WhileThePatternPausesTheClockIsFollowed) {
   EXPECT_EQ(world.statistics.servo_locks, 1U);
 }
 
+TEST(ServoLock, TicksDoNotMoveTheGridOfAPatternThatRunsAndIsLate) {
+  World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
+  (void)worst_error(world, us(60), 1'000);
+  for (int i = 0; i < 5; ++i) {
+    world.now = Time{static_cast<std::int64_t>(std::llround(world.tick_at))};
+    world.scheduler.on_servo_tick(world.now, world.statistics);
+    world.tick_at += world.period();
+  }
+  const Time slot = world.scheduler.slot();
+  EXPECT_LT(slot, world.now - us(400)) << "still the one that was missed";
+  const std::uint32_t skipped = world.statistics.skipped;
+  world.scheduler.on_start(world.now, world.statistics);
+  EXPECT_GE(world.statistics.skipped - skipped, 4U);
+  EXPECT_LE(world.scheduler.slot(), world.now + us(200)) << "the next that T1 allows";
+}
+
 TEST(ServoLock, ATickAfterALongSilenceIsTheFirstOfAnotherLock) {
   for (const int silent : {64, 65}) {
     World world = make(Cycle{DataId::everything, us(100)}, us(100), us(60));
