@@ -203,5 +203,22 @@ TEST(Story, TwoRepliesOfAPatternWithTheSameWrongTurnsAreAStep) {
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
+// After 1.2 * 10^9 cycles: a write that had the line for 18 ms ended, and the loop began anew before another sample was shown. The
+// shaft had turned on meanwhile.
+TEST(Story, BehindAWriteTheTurnsAreCarriedOnFromWhatWasReadLast) {
+  RunSetup setup;
+  setup.pattern = Cycle{DataId::everything, Time{245'000}};
+  setup.axis = true;
+  setup.after_restart = Continuity::re_reference;
+  setup.background = Background::eeprom_writes;
+  setup.motion = "motion=constant:2466,start=-2.237";
+  const RunResult result =
+      again(setup, 312, 4295,
+            "restart off=3597us from=1808114us until=1808121us seed=4401668; stuck column=7 value=0 "
+            "from=512517us until=513921us seed=15135404; lose replies=1 from=2049153us until=2049406us "
+            "seed=4803433");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -105,9 +105,10 @@ bool Judge::find_origin(const Sample& sample, Time now) noexcept {
   // Behind a reset a start-up without a sample may have come already: its turns are what is carried on then.
   carried_ = any_before ? turns * turn_ : 0;
   carried_doubtful_ = turns_wrong_;
+  const bool paused = clear_since_ > fresh_latch_;  // it has turned on meanwhile
   const std::int64_t step = std::abs(sample.position() - position_);
   constexpr std::int64_t kTenths = 6;
-  return !carries || step * 10 <= turn_ * kTenths ||
+  return !carries || paused || step * 10 <= turn_ * kTenths ||
          fail(Rule::axis, now, step, turn_ * kTenths / 10, "the turns were not carried on");
 }
 
