@@ -46,15 +46,17 @@ equal() {
 # Emulation stops for as long as the host pleases: replies may be this late.
 late=--latency=1s
 
-# samples COUNT PORT [OPTION...]: as many cycles, each with a fresh sample, and no error.
+# samples COUNT PORT [OPTION...]: as many cycles, each with a fresh sample, and no error. If the emulation stops in the middle of
+# start-up, the gate does not know the speed well enough, and holds the first two samples back: that is none of the line.
 samples() {
   count=$1
   shift
   tm485 read "$@" "$late" -n "$count" --period min --json >/tmp/samples 2>/tmp/errors || { cat /tmp/errors; return 1; }
   cat /tmp/errors
+  held=$(head -n 2 /tmp/samples | grep -c '"error":"position_implausible"' || :)  # 0: grep fails
   equal "lines" "$count" "$(wc -l </tmp/samples)"
-  equal "fresh samples" "$count" "$(grep -c '"quality":"fresh"' /tmp/samples)"
-  equal "errors" 0 "$(grep -c '"error"' /tmp/samples)"
+  equal "fresh samples" "$((count - held))" "$(grep -c '"quality":"fresh"' /tmp/samples)"
+  equal "errors" "$held" "$(grep -c '"error"' /tmp/samples)"
   rm /tmp/samples
 }
 
