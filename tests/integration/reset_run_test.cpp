@@ -209,6 +209,23 @@ TEST_F(ResetRunTest, SomebodyElsesRequestDelaysTheReadBackNoLongerThanItTakes) {
   EXPECT_EQ(requests(2) - before, 1U);
 }
 
+// Found by the campaign (seed 317, run 2063): an axis whose commands had the place that the look before the run wants. The look
+// kept the cycle from the line for its 200 us all the same, time after time, though nothing of it went out.
+TEST_F(ResetRunTest, ALookThatHasToWaitLeavesTheCycleAlone) {
+  begin({}, sim::MotionProfile::constant(3'000.0), Pattern(Cycle{DataId::everything, us(150)}));
+  ASSERT_TRUE(bus->offer(*Request::make(DataId::encoder_id), 1));
+  ASSERT_TRUE(reset->start(ResetKind::errors));
+  const std::uint32_t before = bus->statistics().cycles;
+  const Time begun = now;
+  while (now < begun + ms(3)) step();  // the completion is not taken: the place stays taken
+  EXPECT_TRUE(reset->active());
+  EXPECT_GE(bus->statistics().cycles - before, 19U) << "every 150 us for 3 ms";
+  EXPECT_EQ(bus->statistics().displaced, 0U);
+  EXPECT_TRUE(bus->take_completion(Priority::diagnostics, 1));
+  while (reset->active()) step();
+  EXPECT_EQ(reset->outcome()->verdict, ResetVerdict::verified);
+}
+
 // A place that is never given back: bounded.
 TEST_F(ResetRunTest, APlaceThatStaysTakenEndsIt) {
   begin({}, {}, Pattern(Cycle{DataId::everything, us(150)}));

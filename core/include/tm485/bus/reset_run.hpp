@@ -128,7 +128,8 @@ Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
     if (offered) return now;
     run.on_refused(offered.error(), now);
   }
-  if (!run.active()) bus.release_line(now);
+  // Also of a look that has to wait: nothing of it is on the line.
+  if (!run.under_way() && !run.holds_cycle()) bus.release_line(now);
   return run.due();
 }
 
