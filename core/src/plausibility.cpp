@@ -201,7 +201,11 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
   // replies with turns say, at least two of them; or else several such readings that the shaft is where it was thought to be.
   const bool both = inside && differs_by_turns(reading);
   const bool told = reading.turns == Turns::known;
-  bool turnless = !told && (!inside || both);  // where the shaft can be, they are those that it had
+  // Where the shaft can be, they are those that it had; not for a row that was elsewhere before.
+  const auto lacks_turns = [&] {
+    return !told && (!inside || both || (reading.turns == Turns::to_come && !inside_));
+  };
+  bool turnless = lacks_turns();
   bool agreed = candidate_.length != 0 && agrees(reading, turnless);
   if (!agreed && candidate_.length > 1) {  // the first one of the row may have been the wrong one
     candidate_.length = 1;
@@ -209,6 +213,7 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
     turnless_ = last_turnless_;
     told_ = last_told_ ? 1 : 0;
     both_ = 0;
+    turnless = lacks_turns();
     agreed = agrees(reading, turnless);
   }
   if (!agreed) {

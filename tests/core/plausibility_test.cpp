@@ -286,6 +286,28 @@ TEST(PlausibilityGate, ASlowCycleBelievesWhatSpeedAllows) {
   EXPECT_GT(gate.half_width(), 3'000'000U) << "and says what that is worth";
 }
 
+// Found by the campaign (seed 319, run 4399): a stuck bit column of ID0 put the shaft half a turn away, on a port that is late
+// by half of the period. The doubts of the last readings had grown so wide that the fifth was "where the shaft can be", and the
+// row took its turns, although the four before it had been outside: a turn off, until the next reply with turns.
+TEST(PlausibilityGate, ARowOutsideDoesNotTakeTheTurnsOfOneInside) {
+  constexpr Time kSlow{182'500};
+  constexpr Time kLate{100'000};
+  constexpr double kPerNs = -2.35e-3;  // counts: 1076 rpm
+  constexpr auto kHalfATurn = static_cast<std::int64_t>(kTurn / 2);
+  PlausibilityGate gate(kBits, limits());
+  gate.expect_every(kSlow);
+  Time now{0};
+  const auto shaft = [&] {
+    return static_cast<std::int64_t>(std::floor(static_cast<double>(now.count()) * kPerNs));
+  };
+  for (int k = 0; k < 20; ++k, now += kSlow)
+    ASSERT_EQ(gate.judge({shaft(), now, kLate, Turns::to_come}), GateVerdict::accepted);
+  for (int k = 0; k < 12; ++k, now += kSlow)
+    ASSERT_EQ(gate.judge({shaft() + kHalfATurn, now, kLate, Turns::to_come}), GateVerdict::held_back) << k;
+  EXPECT_EQ(gate.judge({shaft() - kHalfATurn, now, kLate, Turns::known}), GateVerdict::reacquired);
+  EXPECT_EQ(gate.raw(), shaft() - kHalfATurn) << "it went down, as the reply with turns says";
+}
+
 TEST(PlausibilityGate, NothingOverflowsAtTheEnds) {
   for (const unsigned bits : {1U, 17U, 23U, 24U}) {
     for (const std::int32_t rpm : {1, AxisConfig::kFastest}) {
