@@ -228,7 +228,11 @@ std::uint32_t Scheduler::give_way(Time free_at) noexcept {
 void Scheduler::on_servo_tick(Time tick, Statistics& statistics) noexcept {
   if (!locked_) return;
   saturating_increment(statistics.servo_ticks);
-  if (!running_) lock_.follow(tick);
+  if (!running_) {
+    lock_.follow(tick);
+  } else if (lock_.stands_still(tick)) {
+    return lock_.coast(tick);
+  }
   const std::optional<Time> error = lock_.on_tick(tick);
   if (!error) return saturating_increment(statistics.servo_locks);
   if (lock_.state() == ServoLock::State::locked) statistics.servo_phase.add(*error);

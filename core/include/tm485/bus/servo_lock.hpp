@@ -38,6 +38,13 @@ class ServoLock {
   [[nodiscard]] Time begin(Time first) noexcept;
   /// While no pattern runs: the grid goes along with the ticks, call it before on_tick().
   void follow(Time tick) noexcept;
+  /// A pattern runs, but something else has had the line for more than two of them: the grid stands still, and by how much a
+  /// tick is off says nothing. Such a tick goes to coast() instead of on_tick().
+  [[nodiscard]] bool stands_still(Time tick) const noexcept {
+    return state_ != State::waiting && tick - last_tick_ <= period_ * kLostAfter &&
+           tick - ahead_ - start_ > length_ * 2;
+  }
+  void coast(Time tick) noexcept { last_tick_ = tick; }
   /// `patterns` later. Answers the start that is due then.
   Time advance(std::int64_t patterns) noexcept;
 
