@@ -143,6 +143,15 @@ class WrongTimestamps : public TwinPort {
   static constexpr Time kLater{2'000};
 };
 
+/// Starts each request 6 us late, and says so.
+class StartsLate : public TwinPort {
+ public:
+  using TwinPort::TwinPort;
+  [[nodiscard]] std::expected<Time, Errc> try_send(std::span<const std::uint8_t> request, Time now) noexcept {
+    return good_->try_send(request, now + Time{6'000});
+  }
+};
+
 /// Allocates now and then.
 class UsesTheHeap : public TwinPort {
  public:

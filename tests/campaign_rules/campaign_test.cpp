@@ -60,6 +60,7 @@ TEST(Campaign, TheStackBreaksNoRule) {
   EXPECT_GT(result.totals.slow_runs, 0u);
   EXPECT_GT(result.totals.loop_reads, 10'000u);
   EXPECT_GT(result.totals.resumed, 0u);
+  EXPECT_GT(result.totals.estimates, 0u);
 }
 
 TEST(Campaign, AHealthyLineLosesNothing) {
@@ -146,6 +147,26 @@ TEST(BrokenStack, WithWrongTimestamps) {
   const CampaignResult result = campaign(with<test::WrongTimestamps>, "");
   ASSERT_TRUE(result.failed.has_value());
   EXPECT_EQ(result.violation.rule, Rule::position) << story(result);
+}
+
+TEST(BrokenStack, WhoseRequestsAreLateByMoreThanItSays) {
+  const CampaignResult result = campaign(with<test::StartsLate>, "", 4'000'000);
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::axis) << story(result);
+  EXPECT_EQ(result.violation.what, "latched out of phase with the servo clock");
+}
+
+TEST(BrokenStack, WhoseEstimatorIsSlow) {
+  const CampaignResult result = campaign(
+      [](const RunSetup& setup, const RunOptions& options) {
+        RunSetup slow = setup;
+        if (slow.bandwidth != 0.0) slow.bandwidth = 1.0 / 2'000.0;
+        return run(slow, options);
+      },
+      "", 4'000'000);
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::axis) << story(result);
+  EXPECT_EQ(result.violation.what, "the shaft is not where the estimate says");
 }
 
 TEST(BrokenStack, ThatUsesTheHeap) {

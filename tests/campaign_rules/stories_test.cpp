@@ -220,5 +220,56 @@ TEST(Story, BehindAWriteTheTurnsAreCarriedOnFromWhatWasReadLast) {
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
+// After 2 * 10^9 cycles: somebody else asked the encoder just before the host did, and the reply was late on its way through a
+// port that does not know when bytes came. It is a whole, right reply; only to another question.
+TEST(Story, AReplyToSomebodyElseIsTheFirstToComeThroughASlowPort) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::single_turn, Time{252'500}};
+  setup.start_jitter = Time{4'723};
+  setup.latency = Time{61'000};
+  setup.motion = "motion=trapezoid:1810:956348:0.05,start=4.088";
+  const RunResult result =
+      again(setup, 317, 2847,
+            "talker every=4664us until=152996us seed=3981825; bits requests=0.0005881541138218384 "
+            "replies=0.0017151674184453197 until=152996us seed=11893573");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+  EXPECT_EQ(result.totals.beyond, 1u);
+}
+
+// After 4 * 10^9 cycles: start-up had read wrong turns through a stuck column, and a step came before the column was free again.
+// The judge took the turns of that one for the right ones.
+TEST(Story, TurnsThatStartUpReadWrongStayWrongOverAStepOfTheSameFault) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::everything, Time{148'000}};
+  setup.axis = true;
+  setup.after_restart = Continuity::re_reference;
+  setup.background = Background::eeprom_writes;
+  setup.steal_every = 2;
+  setup.motion = "motion=sine:0.1267:20,start=4.2170000000000005";
+  const RunResult result =
+      again(setup, 1038, 3618, "stuck column=2 value=0 from=2245332us until=2247054us seed=8988540");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
+// A loop that runs more rarely than the cycle: between two of its ticks it was told that it holds again, and a run of resets or a
+// step made it let go, or the whole start-up behind them was over.
+TEST(Story, WhatComesBehindAResumeMayBeOverWhenTheLoopLooks) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = {Time{209'500}, {{DataId::everything, 2}, {DataId::single_turn, 2}}};
+  setup.start_jitter = Time{6'509};
+  setup.latency = Time{23'000};
+  setup.axis = true;
+  setup.after_restart = Continuity::re_reference;
+  setup.motion = "motion=constant:0,start=-4.333";
+  const RunResult result =
+      again(setup, 1011, 4540,
+            "burst bits=15 p=0.019720523215767824 until=2056509us seed=10709582; stuck column=5 value=0 "
+            "from=4109947us until=4111420us seed=12130949");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -89,6 +89,8 @@ JsonObject json_of(const Totals& totals) {
       .set("let_go", totals.let_go)
       .set("resumed", totals.resumed)
       .set("commands", totals.commands)
+      .set("estimates", totals.estimates)
+      .set("phases", totals.phases)
       .set("longest_fresh_age_ns", totals.longest_loss.count())
       .set("longest_recovery_cycles", cycles_of(totals, Recovery::plain))
       .set("longest_step_cycles", cycles_of(totals, Recovery::step))
@@ -155,6 +157,8 @@ void show(Output& output, const Totals& totals, const Duration& took) {
   row("runs of resets, of them verified", fmt::format("{}, {}", totals.resets, totals.resets_verified));
   row("servo loops: reads, let go, taken hold again",
       fmt::format("{}, {}, {}", totals.loop_reads, totals.let_go, totals.resumed));
+  row("  estimates, samples in phase with a servo clock",
+      fmt::format("{}, {}", totals.estimates, totals.phases));
   row("oldest sample that was called fresh", fmt::format("{:.1f} us", in_us(totals.longest_loss)));
   row("longest until fresh again, without a start-up",
       fmt::format("{:.2f} cycles", cycles_of(totals, Recovery::plain)));

@@ -182,7 +182,10 @@ bool FaultPlayer::on_own(Burst& burst) noexcept {
   const bool foreign = burst.talker == Talker::third;
   // The rest of a reply that comes when the next request has been sent is part of another exchange as well.
   const bool meets = speaks && (foreign || speaker_->broke_in != cycles_);
-  if (speaks && foreign) ++speaker_->hits;
+  if (speaks && foreign) {
+    ++speaker_->hits;
+    effects_.last_talker = std::max(effects_.last_talker, burst.driver_off);
+  }
   if (speaks) touch(burst.driver_off, meets);
   if (speaks) on_line_until_ = std::max(on_line_until_, burst.driver_off);
   effects_.mixed = effects_.mixed || meets;

@@ -3,11 +3,10 @@
 namespace tm485::cli::campaign {
 namespace {
 
-/// What the shaft turns in the uncertainty of the latch, at its greatest speed.
-std::int64_t uncertainty(const CompiledProfile& profile) noexcept {
+/// What the shaft turns in this time, at its greatest speed.
+std::int64_t most_turned(const CompiledProfile& profile, Time time) noexcept {
   constexpr double kFastestTurnsPerNs = 6'000.0 / 60e9;
-  const double counts = kFastestTurnsPerNs *
-                        static_cast<double>(profile.profile().latch_uncertainty.count()) *
+  const double counts = kFastestTurnsPerNs * static_cast<double>(time.count()) *
                         static_cast<double>(std::int64_t{1} << profile.profile().single_turn_bits);
   return static_cast<std::int64_t>(counts) + 1;
 }
@@ -48,7 +47,9 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
                   kLongestExchange),
       startup_bound_(setup.time_of_positions(kCyclesAfterStartup) + kLongestExchange),
       turn_(std::int64_t{1} << profile.profile().single_turn_bits),
-      uncertain_(uncertainty(profile)),
+      uncertain_(most_turned(profile, profile.profile().latch_uncertainty)),
+      earlier_(setup.latency + kLongestExchange),
+      turned_earlier_(most_turned(profile, earlier_)),
       stopping_(stopping(profile)),
       clear_since_(encoder.model().config().boot_time) {}
 
@@ -140,7 +141,7 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   const bool by_latch = clean && slow_ && latched_at(latch, sample);
   if (carried_doubtful_ &&
       sample.discontinuities() != steps_at_startup_) {  // back from turns that start-up read wrong
-    carried_doubtful_ = false;
+    carried_doubtful_ = !clean || id_ != DataId::everything;
     const std::int64_t elsewhere = sample.position() - encoder_->model().shaft_counts(sample.latch_time());
     carried_ = (elsewhere + turn_ / 2) & -turn_;
   }
@@ -178,10 +179,13 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   constexpr unsigned kInARow = 3;
   const unsigned turns_in_a_row = mixed_ ? kTellTurns : kInARow;
   const bool again = wrong_in_a_row_ >= kInARow || wrong_turns_in_a_row_ >= turns_in_a_row;
-  const bool unknowable = (!clean && again) || (effects.frozen && could_stand_);
+  // Where bytes come late, the reply to what somebody else has asked just before may be the first to come.
+  const bool not_ours =
+      slow_ && effects.last_talker >= sample.latch_time() - earlier_ && off <= stated + turned_earlier_;
+  const bool unknowable = (!clean && again) || (effects.frozen && could_stand_) || not_ours;
   if (!unknowable) return fail(Rule::position, now, off, allowed);
   ++totals_.beyond;
-  could_stand_ = true;  // and goes on to look so, even when the shaft passes by
+  could_stand_ = could_stand_ || !not_ours;  // and goes on to look so, even when the shaft passes by
   return true;
 }
 

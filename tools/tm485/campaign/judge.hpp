@@ -213,7 +213,9 @@ class Judge {
   Time startup_bound_;
   std::int64_t turn_;
   std::int64_t uncertain_;  // counts that the shaft turns in the uncertainty of the latch
-  double stopping_;         // the greatest acceleration, in counts per ns^2
+  Time earlier_;  // by so much the reply can be older that a slow port takes for that to its request
+  std::int64_t turned_earlier_;  // counts, likewise
+  double stopping_;              // the greatest acceleration, in counts per ns^2
   Time clear_since_;
   Time cycle_seen_{0};  // when the last one ended
   Time fresh_latch_{0};

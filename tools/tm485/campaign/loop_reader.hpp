@@ -9,6 +9,7 @@
 #include "campaign/dice.hpp"
 #include "campaign/judge.hpp"
 #include "campaign/run_setup.hpp"
+#include "campaign/servo_watch.hpp"
 #include "tm485/bus/axis.hpp"
 #include "tm485/sim/simulated_encoder.hpp"
 
@@ -23,7 +24,9 @@ class LoopReader {
         after_restart_(setup.after_restart),
         longest_write_(setup.writes_hold_the_line() ? kLongestWrite : Time{0}),
         alone_(setup.background == Background::none && setup.latency == Time{0} && setup.keeps_every_slot()),
-        period_(setup.cycle_time()),
+        period_(setup.servo ? setup.servo->clock.period : setup.cycle_time()),
+        ticks_(setup),
+        estimates_(setup, encoder),
         fresh_bound_(setup.time_of_positions(1) + kLongestExchange + setup.latency),
         in_flight_(kLongestExchange + setup.latency),
         max_hold_(max_hold),
@@ -41,7 +44,8 @@ class LoopReader {
   /// After a poll of the axis at `now`, which is not before due(). False: a rule is broken.
   template <class A>
   [[nodiscard]] bool on_tick(A& axis, Judge& judge, Time now) noexcept {
-    next_ = now + period_;
+    next_ = ticks_.after(now);
+    ticks_.tick(axis, now);
     AxisClient& client = axis.client();
     const Sample& newest = axis.bus().latest();
     note(newest, now);
@@ -49,8 +53,14 @@ class LoopReader {
     if (newest.quality() == Quality::invalid) homed_ = false;
     const LoopState state = client.read(now);
     ++judge.totals().loop_reads;
-    const bool ok = state.usable() ? on_usable(state, newest, judge, now) : on_invalid(newest, judge, now);
+    const std::uint32_t startups = axis.bus().statistics().startups;
+    const bool ok =
+        state.usable() ? on_usable(state, newest, judge, now) : on_invalid(newest, startups, judge, now);
     if (!ok) return false;
+    if (state.usable() && !estimates_.on_usable(axis, newest, judge, now)) return false;
+    if (newest.quality() == Quality::fresh && !ticks_.on_fresh(axis, newest, judge, now)) return false;
+    steps_seen_ = newest.discontinuities();
+    startups_seen_ = startups;
     return ask(client, newest, judge, now);
   }
 
@@ -69,6 +79,7 @@ class LoopReader {
     std::uint32_t ticket = 0;  // 0: free
     Command command;
     Time posted{0};
+    bool referenced = false;  // the sample was, when it was posted
   };
 
   /// What has become of encoder and bus since the last tick.
@@ -139,9 +150,12 @@ class LoopReader {
     let_go_ = told_to_let_go_;
   }
 
-  [[nodiscard]] bool on_invalid(const Sample& newest, Judge& judge, Time now) noexcept {
-    // A start-up may have come behind it.
-    if (resumed_ && resumed_at_ == now && newest.quality() != Quality::invalid)
+  [[nodiscard]] bool on_invalid(const Sample& newest, std::uint32_t startups, Judge& judge,
+                                Time now) noexcept {
+    // A start-up may have come behind it, and gone, or a step.
+    const bool again = newest.quality() == Quality::invalid || startups != startups_seen_ ||
+                       newest.discontinuities() != steps_seen_;
+    if (resumed_ && resumed_at_ == now && !again)
       return judge.fail(Rule::axis, now, 0, 1, "not usable although it was resumed");
     if (!holds_) return true;
     holds_ = false;
@@ -174,7 +188,7 @@ class LoopReader {
     if (place == open_.end())
       return judge.fail(Rule::command, now, kAxisCommands + 1, kAxisCommands,
                         "more commands than there is room for");
-    *place = {*ticket, command, now};
+    *place = {*ticket, command, now, referenced_};
     homed_ = homed_ || command.kind == Command::Kind::set_referenced;
     ++judge.totals().commands;
     return true;
@@ -217,7 +231,7 @@ class LoopReader {
     }
     // A good line since it was asked, and nothing that takes slots between two ticks, stands against it. What a fault does to
     // one cycle shows until the reply of the next.
-    const bool may = after_restart_ != Continuity::until_homed || referenced_;
+    const bool may = after_restart_ != Continuity::until_homed || open.referenced;
     return !may || !alone_ || fresh_since_ > open.posted ||
            judge.effects().last + period_ + in_flight_ >= open.posted ||
            judge.fail(Rule::axis, now, 0, 1, "resume was refused although samples are fresh");
@@ -231,6 +245,8 @@ class LoopReader {
   Time longest_write_;
   bool alone_;  // nothing in the background or in the port delays a cycle that has no fault
   Time period_;
+  ServoTicks ticks_;
+  EstimateWatch estimates_;
   Time fresh_bound_;
   Time in_flight_;
   Time max_hold_;
@@ -244,7 +260,9 @@ class LoopReader {
   Time announced_{0};                 // the hold that was announced since
   Time let_go_at_{0};
   Time resumed_at_ = -kNever;
-  std::uint32_t steps_ = 0;  // discontinuities, as of when it took hold
+  std::uint32_t steps_ = 0;          // discontinuities, as of when it took hold
+  std::uint32_t steps_seen_ = 0;     // likewise, at the last tick
+  std::uint32_t startups_seen_ = 0;  // likewise
   std::uint32_t told_to_let_go_ = 0;
   std::uint32_t let_go_ = 0;
   bool referenced_ = false;

@@ -93,6 +93,8 @@ struct Totals {
   std::uint64_t let_go = 0;           ///< times that one was told to
   std::uint64_t resumed = 0;          ///< times that one took hold again
   std::uint64_t commands = 0;         ///< of servo loops
+  std::uint64_t estimates = 0;        ///< that were held against the shaft
+  std::uint64_t phases = 0;           ///< samples that were held against a servo clock
   Time longest_loss{0};               ///< the oldest sample that was called fresh
   /// How many samples were fresh again after so many cycles, rounded up; the last one: more. Positions instead of cycles
   /// where the pattern reads some.

@@ -158,6 +158,9 @@ template <class Discipline = EepromDiscipline, class Wrap = AsItIs, class Adjust
   what.bus.steal_every = setup.steal_every;
   what.bus.eeprom_may_hold = true;
   what.bus.axis.after_restart = setup.after_restart;
+  if (setup.servo) what.bus.phase = Phase::locked_to(setup.servo->clock);
+  const auto gains = setup.gains();
+  what.gains = gains ? &*gains : nullptr;
   Judge judge(setup, encoder, profile);
   Company<Discipline> company(setup, encoder, profile, what.bus.max_hold);
   if (company.loop) what.on_invalid = {LoopReader::torque_off, &*company.loop};

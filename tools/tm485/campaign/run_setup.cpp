@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "quantity.hpp"
+#include "tm485/design/estimator_design.hpp"
 
 namespace tm485::cli::campaign {
 namespace {
@@ -15,6 +16,9 @@ using std::chrono::microseconds;
 
 /// The encoder of every run boots as long as its profiles promise at least; a shorter silence would be no restart.
 constexpr Time kBoot = std::chrono::milliseconds(55);
+
+/// A servo clock moves the start of a pattern by less than this part of a slot, drift included.
+constexpr std::int64_t kServoPull = 32;
 
 /// T1 as section 4 of the specification has it.
 constexpr Time kShortT1{40'000};
@@ -101,9 +105,8 @@ void draw_background(Dice& dice, RunSetup& setup) {
   setup.background = kKinds[static_cast<std::size_t>(dice.below(kKinds.size()))];
   // A change of the page that keeps the line for 18 ms is refused where turns would be lost over it.
   if (setup.writes_hold_the_line() && needs_unwrapping(setup.pattern)) setup.background = Background::resets;
-  // Either there are gaps, or slots are taken: one in so many. Of a pattern that could always be the one with the position.
-  const bool gaps = dice.once_in(2);
-  if (gaps || setup.pattern.size() > 1) {
+  // Either there are gaps, or slots are taken: one in so many.
+  if (dice.once_in(2)) {
     setup.pattern.set_slot(dice.span_us(microseconds(120), microseconds(250)));
   } else {
     constexpr std::array<std::uint16_t, 3> kEvery{2, 4, 16};
@@ -125,11 +128,30 @@ Time slot_of(const Pattern& pattern) {
   return pattern.slot() > Time{0} ? pattern.slot() : t1_of(pattern.step(0).id);
 }
 
-Time length_of(const RunSetup& setup) {
+Time length_of(const Pattern& pattern) {
   std::int64_t slots = 0;
-  for (std::size_t k = 0; k < setup.pattern.size(); ++k) slots += setup.pattern.step(k).slots;
-  return slot_of(setup.pattern) * slots * static_cast<std::int64_t>(setup.cycles) /
+  for (std::size_t k = 0; k < pattern.size(); ++k) slots += pattern.step(k).slots;
+  return slot_of(pattern) * slots;
+}
+
+Time length_of(const RunSetup& setup) {
+  return length_of(setup.pattern) * static_cast<std::int64_t>(setup.cycles) /
          static_cast<std::int64_t>(setup.pattern.size());
+}
+
+/// A clock of the pattern's length, or of a few of them, or some of it in one pattern.
+void draw_servo(Dice& dice, RunSetup& setup) {
+  const Time length = length_of(setup.pattern);
+  const std::int64_t times = 1 + dice.below(4);
+  const bool slower = dice.once_in(2) || length.count() % times != 0 || length / times < microseconds(40);
+  ServoDraw servo;
+  servo.clock.period = slower ? length * times : length / times;
+  // From the latch of the first step until its sample is there at the latest: T2 and the reply.
+  const Time ready = t1_of(setup.pattern.step(0).id) - microseconds(5);
+  servo.clock.lead = dice.span(ready, std::max(length, servo.clock.period));
+  servo.drift_ppm = dice.below(801) - 400;
+  if (dice.once_in(2)) servo.tick_jitter = Time{dice.below(2'000)};
+  setup.servo = servo;
 }
 
 }  // namespace
@@ -142,13 +164,16 @@ Time RunSetup::cycle_time() const noexcept {
     longest = std::max({longest, slot_of(pattern) * step.slots, t1_of(step.id)});
   }
   // A port that hands a reply over late gets as much time again before it is asked anew.
-  return longest + start_jitter + latency * 2;
+  return longest + start_jitter + latency * 2 + (servo ? longest / kServoPull : Time{0});
 }
 
 bool RunSetup::keeps_every_slot() const noexcept {
   for (std::size_t k = 0; k < pattern.size(); ++k) {
     const Pattern::Step& step = pattern.step(k);
-    if (slot_of(pattern) * step.slots < t1_of(step.id) + start_jitter) return false;
+    const Time slots = slot_of(pattern) * step.slots;
+    // The servo clock pulls at them.
+    const Time pulled = servo ? slots / kServoPull : Time{0};
+    if (slots < t1_of(step.id) + start_jitter + pulled) return false;
   }
   return true;
 }
@@ -160,16 +185,19 @@ Time RunSetup::position_time() const noexcept {
     if (has_position(pattern.step(k % pattern.size()).id)) between = 0;
     most = std::max(most, ++between);
   }
-  // The slots of a pattern stay where they are: behind a late start the next one may be lost.
-  if (pattern.size() > 1 && !keeps_every_slot()) most *= 2;
+  // The slots of a pattern, and those of a servo clock, stay where they are: behind a late start the next one may be lost.
+  if ((pattern.size() > 1 || servo) && !keeps_every_slot()) most *= 2;
   return cycle_time() * most;
 }
 
 Time RunSetup::time_of_positions(int positions) const noexcept {
   const Time undisturbed = position_time() * positions;
   if (steal_every == 0) return undisturbed;
-  // Each that it takes is followed by at least so many that it leaves; one may go before the first.
-  return undisturbed + cycle_time() * (undisturbed / cycle_time() / (steal_every - 1) + 1);
+  // Each that it takes is followed by at least so many that it leaves; one may go before the first, and of a pattern that
+  // is not to be moved two. With a servo clock its step falls out, otherwise all of them are put off.
+  const std::int64_t first = pattern.size() > 1 || servo ? 2 : 1;
+  const std::int64_t taken = undisturbed / cycle_time() / (steal_every - 1) + first;
+  return undisturbed + (servo ? position_time() : cycle_time()) * taken;
 }
 
 std::string RunSetup::text() const {
@@ -186,6 +214,10 @@ std::string RunSetup::text() const {
     constexpr std::array<const char*, 3> kPolicies{"until resumed", "until homed", "re-reference"};
     text += fmt::format(", servo loop, {}", kPolicies[static_cast<std::size_t>(after_restart)]);
   }
+  if (bandwidth != 0.0) text += ", estimator";
+  if (servo)
+    text += fmt::format(", servo clock {} {:+} ppm jitter {} lead {}", format_time(servo->clock.period),
+                        servo->drift_ppm, format_time(servo->tick_jitter), format_time(servo->clock.lead));
   constexpr std::array<const char*, 4> kBackground{"", ", EEPROM reads", ", EEPROM writes", ", resets"};
   text += kBackground[static_cast<std::size_t>(background)];
   if (steal_every != 0) text += fmt::format(", one slot in {} taken", steal_every);
@@ -204,6 +236,15 @@ sim::SimOptions RunSetup::sim_options() const {
   return options;
 }
 
+std::optional<EstimatorGains> RunSetup::gains() const {
+  if (bandwidth == 0.0) return std::nullopt;
+  // From one position to the next, as the pattern has it.
+  const Time period = length_of(pattern) / static_cast<std::int64_t>(pattern.size());
+  const auto design = design::solve_for_bandwidth({.order = 3, .period = period},
+                                                  bandwidth * 1e9 / static_cast<double>(period.count()));
+  return design ? std::optional(design->gains) : std::nullopt;
+}
+
 RunSetup draw_run(std::uint64_t seed, std::uint64_t run, std::uint64_t cycles,
                   const std::optional<sim::FaultPlan>& plan) {
   Dice dice(seed * 0x9E3779B97F4A7C15u + run);
@@ -218,7 +259,11 @@ RunSetup draw_run(std::uint64_t seed, std::uint64_t run, std::uint64_t cycles,
   draw_background(dice, setup);
   draw_port(dice, setup);
   setup.axis = dice.once_in(4);
-  if (setup.axis) setup.after_restart = static_cast<Continuity>(dice.below(3));
+  if (setup.axis) {
+    setup.after_restart = static_cast<Continuity>(dice.below(3));
+    setup.bandwidth = dice.once_in(2) ? 1.0 / 16.0 : 0.0;
+    if (dice.once_in(3)) draw_servo(dice, setup);
+  }
   setup.motion = draw_motion(dice);
   setup.shaft = setup.sim_options().motion;
   const Time length = length_of(setup);

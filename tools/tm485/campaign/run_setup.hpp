@@ -9,6 +9,7 @@
 #include "campaign/dice.hpp"
 #include "tm485/bus/pattern.hpp"
 #include "tm485/motion/axis_config.hpp"
+#include "tm485/motion/estimator_gains.hpp"
 #include "tm485/protocol/control_field.hpp"
 #include "tm485/sim/fault_plan.hpp"
 #include "tm485/sim/motion_profile.hpp"
@@ -25,6 +26,13 @@ enum class Background : std::uint8_t {
   resets,         ///< of errors, turns and zero
 };
 
+/// The servo clock that the cycle is locked to.
+struct ServoDraw {
+  ServoClock clock;
+  std::int64_t drift_ppm = 0;  ///< by which its ticks are further apart than the nominal period
+  Time tick_jitter{0};         ///< a tick is stamped up to so late
+};
+
 /// A value; the same seed and run give the same one on every machine.
 struct RunSetup {
   std::uint64_t seed = 1;
@@ -37,6 +45,8 @@ struct RunSetup {
   Time latency{0};
   bool axis = false;  ///< with a servo loop that reads, lets go and takes hold; otherwise a bus alone
   Continuity after_restart = Continuity::until_resumed;
+  double bandwidth = 0;            ///< of the axis's estimator, as a part of the rate of positions; 0: none
+  std::optional<ServoDraw> servo;  ///< likewise
   Background background = Background::none;
   std::uint16_t steal_every = 0;  ///< BusConfig::steal_every
   std::uint64_t cycles = 20'000;  ///< after so many it ends
@@ -56,6 +66,8 @@ struct RunSetup {
   [[nodiscard]] Time position_time() const noexcept;
   /// For so many of them, with the slots that the background may take meanwhile.
   [[nodiscard]] Time time_of_positions(int positions) const noexcept;
+  /// Of the estimator, if there is one.
+  [[nodiscard]] std::optional<EstimatorGains> gains() const;
   /// Writes to the EEPROM of this encoder keep everything else from the line.
   [[nodiscard]] bool writes_hold_the_line() const { return profile.starts_with("tm485"); }
 };

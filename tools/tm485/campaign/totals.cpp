@@ -30,7 +30,9 @@ void Totals::add(const Totals& other) noexcept {
                              &Totals::loop_reads,
                              &Totals::let_go,
                              &Totals::resumed,
-                             &Totals::commands})
+                             &Totals::commands,
+                             &Totals::estimates,
+                             &Totals::phases})
     this->*counter += other.*counter;
   longest_loss = std::max(longest_loss, other.longest_loss);
   for (std::size_t kind = 0; kind < kRecoveries; ++kind) {

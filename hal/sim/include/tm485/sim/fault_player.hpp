@@ -26,6 +26,7 @@ class Line;
 struct FaultEffects {
   Time last = -kNever;  ///< until when a fault has had an effect; kNever while one lasts with no known end
   Time last_change = -kNever;  ///< likewise, of one that has changed bits or put some on the line
+  Time last_talker = -kNever;  ///< until when somebody else has spoken
   bool touched = false;        ///< this exchange, in any way
   bool bits_changed = false;   ///< in its request or its reply
   bool mixed = false;  ///< likewise, by another talker, a distortion, the rest of an earlier reply or an echo
