@@ -53,14 +53,14 @@ class LoopReader {
     if (newest.quality() == Quality::invalid) homed_ = false;
     const LoopState state = client.read(now);
     ++judge.totals().loop_reads;
-    const std::uint32_t startups = axis.bus().statistics().startups;
+    const std::uint32_t losses = axis.bus().statistics().startups + axis.bus().statistics().invalidated;
     const bool ok =
-        state.usable() ? on_usable(state, newest, judge, now) : on_invalid(newest, startups, judge, now);
+        state.usable() ? on_usable(state, newest, judge, now) : on_invalid(newest, losses, judge, now);
     if (!ok) return false;
     if (state.usable() && !estimates_.on_usable(axis, newest, judge, now)) return false;
     if (newest.quality() == Quality::fresh && !ticks_.on_fresh(axis, newest, judge, now)) return false;
     steps_seen_ = newest.discontinuities();
-    startups_seen_ = startups;
+    losses_seen_ = losses;
     return ask(client, newest, judge, now);
   }
 
@@ -150,10 +150,9 @@ class LoopReader {
     let_go_ = told_to_let_go_;
   }
 
-  [[nodiscard]] bool on_invalid(const Sample& newest, std::uint32_t startups, Judge& judge,
-                                Time now) noexcept {
-    // A start-up may have come behind it, and gone, or a step.
-    const bool again = newest.quality() == Quality::invalid || startups != startups_seen_ ||
+  [[nodiscard]] bool on_invalid(const Sample& newest, std::uint32_t losses, Judge& judge, Time now) noexcept {
+    // A start-up may have come behind it, or samples too old, and gone again, or a step.
+    const bool again = newest.quality() == Quality::invalid || losses != losses_seen_ ||
                        newest.discontinuities() != steps_seen_;
     if (resumed_ && resumed_at_ == now && !again)
       return judge.fail(Rule::axis, now, 0, 1, "not usable although it was resumed");
@@ -260,9 +259,9 @@ class LoopReader {
   Time announced_{0};                 // the hold that was announced since
   Time let_go_at_{0};
   Time resumed_at_ = -kNever;
-  std::uint32_t steps_ = 0;          // discontinuities, as of when it took hold
-  std::uint32_t steps_seen_ = 0;     // likewise, at the last tick
-  std::uint32_t startups_seen_ = 0;  // likewise
+  std::uint32_t steps_ = 0;        // discontinuities, as of when it took hold
+  std::uint32_t steps_seen_ = 0;   // likewise, at the last tick
+  std::uint32_t losses_seen_ = 0;  // likewise
   std::uint32_t told_to_let_go_ = 0;
   std::uint32_t let_go_ = 0;
   bool referenced_ = false;

@@ -96,7 +96,9 @@ class EstimateWatch {
     const sim::FaultEffects& effects = judge.effects();
     if (effects.frozen) last_wrong_ = now;
     // Positions that were wrong have their say in the speed for a while.
-    if (!shaft.valid() || std::max(last_wrong_, effects.last_change) + period_ * kMemory > now) return true;
+    if (!shaft.valid() ||
+        std::max(last_wrong_, effects.last_change) + period_ * kMemory > sample.latch_time())
+      return true;
     ++judge.totals().estimates;
     const auto& model = encoder_->model();
     const std::int64_t moved = model.shaft_counts(now) - model.shaft_counts(sample.latch_time());
