@@ -43,7 +43,8 @@ struct BusConfig {
   Phase phase;                               ///< when the pattern starts; locked to a servo clock, or not
   /// What happens to a background request that fits into no gap of the pattern. 0: it is refused (no_gap). N: it
   /// takes cyclic slots, one in N (two in 2 N if it needs two), while the sample is held; refused if it would take
-  /// them for longer than max_hold.
+  /// them for longer than max_hold. A request with a gap takes one too, if for 32 slots it has not fitted in time. Of a
+  /// pattern that is in phase (BusConfig::phase) a position is asked for between two of them.
   std::uint16_t steal_every = 0;
   /// An EEPROM write that holds the bus (profile: 10 ms, 18 ms for a page) fits into no cycle. false: it is refused. true: it
   /// is sent, the cycle waits, and the sample is held for so long beyond max_hold. It waits until one sample has announced

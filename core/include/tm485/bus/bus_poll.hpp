@@ -146,11 +146,14 @@ bool Bus<P>::fits(const Request& request, Time start) const noexcept {
   return !scheduler_ || start + capability_.jitter_margin + span_of(request) <= scheduler_->slot();
 }
 
-/// True if a request that fits into no gap may have the slot that is due.
+/// True if a request that fits into no gap, or has not for long, may have the slot that is due.
 template <Port P>
 bool Bus<P>::may_steal(const Request& request) const noexcept {
   if (will_hold(request)) return announced_;
-  return config_.steal_every != 0 && to_steal_ == 0 && !scheduler_->has_gap_for(span_of(request));
+  if (config_.steal_every == 0 || to_steal_ != 0 || !scheduler_->may_lose_slot()) return false;
+  // Where replies are seen late, a gap can be shorter than it is by the pattern.
+  return !scheduler_->has_gap_for(span_of(request)) ||
+         background_.waited(priority_of(request)) >= BackgroundQueue::kAged;
 }
 
 template <Port P>
@@ -208,7 +211,10 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
   if (scheduler_ && hold_ == LineHold::none && !in_gap) {
     const std::uint32_t taken = scheduler_->give_way(now + span);
     saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
-    if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
+    if (!reset && !holds) {
+      to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
+      scheduler_->on_lost_slot();
+    }
     // Once behind each fresh sample: a second hold without one between them does not keep an old sample alive.
     if (holds && stale_at_ != kNever && held_for_ == Time{0}) {
       held_for_ = span;

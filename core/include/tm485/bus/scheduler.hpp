@@ -89,6 +89,7 @@ class Scheduler {
 
   /// The slot's request started at `start`, not before the slot. Moves on to the next slot.
   void on_start(Time start, Statistics& statistics) noexcept {
+    if (!uniform_) position_asked_ = position_asked_ || layout(id_).abs_at != 0;
     if (free_) {
       if (start - slot_ > jitter_margin_) saturating_increment(statistics.slips);
       slot_ = start;
@@ -106,6 +107,14 @@ class Scheduler {
     next();
     if (slot_ <= now) saturating_increment(statistics.skipped, pass(now + Time{1}));
   }
+
+  /// May the slot that is due be given to somebody else? In a pattern that is in phase its step falls out, and of a few steps it
+  /// could be the one with the position every time: one is asked for in between.
+  [[nodiscard]] bool may_lose_slot() const noexcept {
+    return position_asked_ || uniform_ || !reads_position_;
+  }
+  /// It has been given.
+  void on_lost_slot() noexcept { position_asked_ = false; }
 
   /// The line is taken until `free_at` by something else. Answers how many slots fall to it.
   [[nodiscard]] std::uint32_t give_way(Time free_at) noexcept;
@@ -155,6 +164,7 @@ class Scheduler {
   bool in_epoch_;
   bool reads_position_ = false;
   bool reads_turns_ = false;
+  bool position_asked_ = true;  ///< since the last slot that was lost
 
   Pattern pattern_;
   const CompiledProfile* profile_;
