@@ -10,6 +10,7 @@ ResetRun::ResetRun(const CompiledProfile& profile, const ResetConfig& config) no
   if (config_.standstill == 0) config_.standstill = std::max(2U, bits > 15 ? 1U << (bits - 15) : 1U);
   if (config_.tolerance == 0) config_.tolerance = 4 * config_.standstill;
   config_.most_runs = std::max<std::uint8_t>(config_.most_runs, 1);
+  config_.max_speed_rpm = std::clamp<std::int32_t>(config_.max_speed_rpm, 1, AxisConfig::kFastest);
 }
 
 std::expected<void, Errc> ResetRun::start(ResetKind kind) noexcept {
@@ -51,6 +52,7 @@ void ResetRun::on_completion(const Completion& completion, Time now) noexcept {
 }
 
 void ResetRun::on_failure(Errc cause, Time now) noexcept {
+  cause_ = cause;
   // Against noise at once, against an encoder that boots slowly.
   wait_until_ = now + (tries_ < 3 ? Time{0} : profile_->profile().power_up_time / 4);
   if (stage_ == Stage::run) {
@@ -73,11 +75,12 @@ void ResetRun::on_reply(const Frame& frame, Time now) noexcept {
       const Profile& p = profile_->profile();
       if (++sent_ < p.reset_count) return;
       stage_ = Stage::verify;
+      done_at_ = now;
       wait_until_ = now + (kind_ == ResetKind::zero ? p.reset_zero_settle + kLookEvery : kLookEvery);
       return;
     }
     case Stage::verify:
-      return judge(frame);
+      return judge(frame, now);
     case Stage::idle:
       return;
   }
@@ -106,7 +109,13 @@ void ResetRun::look_before(const Frame& frame, Time now) noexcept {
   wait_until_ = now + kLookEvery;
 }
 
-void ResetRun::judge(const Frame& frame) noexcept {
+/// How many the shaft can have begun, rounded down: bounded by the tries, so that no product overflows.
+std::int64_t ResetRun::turns_since(Time then, Time now) const noexcept {
+  constexpr Time kMinute = std::chrono::minutes(1);
+  return std::clamp(now - then, Time{0}, kMinute).count() * config_.max_speed_rpm / kMinute.count();
+}
+
+void ResetRun::judge(const Frame& frame, Time now) noexcept {
   const Profile& p = profile_->profile();
   result_.abs_after = frame.abs();
   result_.turns_after = turns_of(frame);
@@ -116,9 +125,13 @@ void ResetRun::judge(const Frame& frame) noexcept {
     return at_zero ? end(ResetVerdict::verified) : end(ResetVerdict::refused, Errc::reset_without_effect);
   }
   if (kind_ == ResetKind::multi_turn && p.multi_turn_bits != 0) {
-    const std::int64_t off = std::int64_t{result_.turns_after} - p.multi_turn_start;
+    const std::int64_t turns = std::int64_t{result_.turns_after} - p.multi_turn_start;
+    const std::int64_t off = turns < 0 ? -turns : turns;
     // A shaft that stands on the seam of two turns may have crossed it.
-    if (off > 1 || off < -1) return end(ResetVerdict::refused, Errc::reset_without_effect);
+    if (off > 1) {
+      if (off > 1 + turns_since(done_at_, now)) return end(ResetVerdict::refused, Errc::reset_without_effect);
+      return result_.runs < config_.most_runs ? begin_run(now) : end(ResetVerdict::failed, cause_);
+    }
   }
   // What the document reserves is no alarm.
   const StatusSet reserved = p.reserved_status;

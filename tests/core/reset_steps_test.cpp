@@ -187,6 +187,55 @@ TEST_F(ResetSteps, TurnsBackAtTheirStartOrBesideIt) {
   }
 }
 
+// Noise can put the read-back off, and the shaft turns on meanwhile: where it is then says neither that the turns were reset nor
+// that they were not. So they are reset once more.
+TEST_F(ResetSteps, TurnsThatAreReadBackLateAreResetAgain) {
+  ASSERT_TRUE(run->start(ResetKind::multi_turn));
+  answer(ask(), 0, 700);
+  ten();
+  for (int i = 0; i < 4; ++i) fail();  // three at once, then after 250 ms
+  EXPECT_GT(run->due(), now + ms(200));
+  answer(ask(), 0, 13);  // 3000 rpm
+  EXPECT_TRUE(run->needs_line());
+  ten();
+  answer(ask(), 0, 1);
+  EXPECT_EQ(outcome().verdict, ResetVerdict::verified);
+  EXPECT_EQ(outcome().runs, 2);
+  EXPECT_EQ(outcome().turns_before, 700);
+  EXPECT_EQ(outcome().turns_after, 1);
+}
+
+TEST_F(ResetSteps, TurnsThatNoShaftCanHaveMadeSinceWereNotReset) {
+  ResetConfig slow;
+  slow.max_speed_rpm = 1'000;
+  for (const auto& [config, refused] : {std::pair{ResetConfig{}, false}, {slow, true}}) {
+    run.emplace(profile, config);
+    ASSERT_TRUE(run->start(ResetKind::multi_turn));
+    answer(ask(), 0, 30);
+    ten();
+    for (int i = 0; i < 4; ++i) fail();
+    answer(ask(), 0, 20);  // 256 ms: 26 turns at 6000 rpm, 5 at 1000
+    EXPECT_EQ(run->active(), !refused);
+    if (!refused) continue;
+    EXPECT_EQ(outcome().verdict, ResetVerdict::refused);
+    EXPECT_EQ(outcome().code, Errc::reset_without_effect);
+  }
+}
+
+TEST_F(ResetSteps, TurnsThatAreReadBackLateEveryTimeAreNotCalledReset) {
+  ASSERT_TRUE(run->start(ResetKind::multi_turn));
+  answer(ask(), 0, 700);
+  for (int runs = 0; runs < 5; ++runs) {
+    ten();
+    for (int i = 0; i < 4; ++i) fail();
+    answer(ask(), 0, 13);
+  }
+  EXPECT_FALSE(run->active());
+  EXPECT_EQ(outcome().verdict, ResetVerdict::failed);
+  EXPECT_EQ(outcome().code, Errc::timeout) << "what kept the read-back off";
+  EXPECT_EQ(outcome().runs, 5);
+}
+
 TEST_F(ResetSteps, ABitThatStaysIsNamedUnlessThePolicyIgnoresIt) {
   ASSERT_TRUE(run->start(ResetKind::errors));
   answer(ask());

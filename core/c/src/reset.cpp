@@ -38,6 +38,7 @@ void tm485_reset_config_default(tm485_reset_config* config) {
   *config = {.window = usual.window.count(),
              .standstill = usual.standstill,
              .tolerance = usual.tolerance,
+             .max_speed_rpm = usual.max_speed_rpm,
              .most_runs = usual.most_runs,
              .reserved = {}};
 }
@@ -50,6 +51,7 @@ tm485_errc tm485_reset_init(tm485_reset* reset, const tm485_profile* profile,
     converted = {.standstill = config->standstill,
                  .window = Time{config->window},
                  .tolerance = config->tolerance,
+                 .max_speed_rpm = config->max_speed_rpm,
                  .most_runs = config->most_runs};
   }
   ::new (static_cast<void*>(reset->storage)) tm485::ResetRun(profile_in(profile), converted);

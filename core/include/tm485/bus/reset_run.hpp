@@ -27,7 +27,11 @@ struct ResetConfig {
   Time window = std::chrono::milliseconds(50);
   /// zero: read back within this of 0, in counts. 0: four times `standstill`.
   std::uint32_t tolerance = 0;
-  std::uint8_t most_runs = 5;  ///< an interrupted run starts again from zero, so often in all
+  /// multi_turn: so fast the shaft may turn until the turns are read back. If noise puts that off, and they are no longer beside
+  /// their start value but could have been, they are reset again.
+  std::int32_t max_speed_rpm = 6'000;
+  std::uint8_t most_runs =
+      5;  ///< a run that was interrupted, or read back too late, starts again, so often in all
 };
 
 /// One owner: the context of the bus. Every function: constant time.
@@ -79,7 +83,8 @@ class ResetRun {
   void on_reply(const Frame& frame, Time now) noexcept;
   void on_failure(Errc cause, Time now) noexcept;
   void look_before(const Frame& frame, Time now) noexcept;
-  void judge(const Frame& frame) noexcept;
+  void judge(const Frame& frame, Time now) noexcept;
+  [[nodiscard]] std::int64_t turns_since(Time then, Time now) const noexcept;
   void begin_run(Time now) noexcept;
   void end(ResetVerdict verdict, Errc code = Errc::ok) noexcept;
   [[nodiscard]] std::int64_t abs_distance(std::uint32_t a, std::uint32_t b) const noexcept;
@@ -96,6 +101,8 @@ class ResetRun {
   std::uint8_t busy_looks_ = 0;
   Time wait_until_{0};
   Time window_end_{0};
+  Time done_at_{0};             ///< the tenth was answered
+  Errc cause_ = Errc::timeout;  ///< of the last failure
   ResetOutcome result_;
   std::optional<ResetOutcome> outcome_;
 };

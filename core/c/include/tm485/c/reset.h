@@ -55,10 +55,11 @@ typedef struct tm485_reset_config {
   tm485_time window;   /* zero: the shaft stands still if it moves by no more than `standstill` over this */
   uint32_t standstill; /* counts; 0: 2^-15 of a turn, at least 2 */
   uint32_t tolerance;  /* zero: read back within this of 0, in counts; 0: four times `standstill` */
-  uint8_t most_runs;   /* an interrupted run starts again from zero, so often in all */
-  uint8_t reserved[7];
+  int32_t max_speed_rpm; /* multi-turn: turns read back late are reset again, if the shaft can have made them */
+  uint8_t most_runs; /* a run that was interrupted, or read back too late, starts again, so often in all */
+  uint8_t reserved[3];
 } tm485_reset_config;
-/* 50 ms, five runs. Any; constant time. */
+/* 50 ms, 6000 rpm, five runs. Any; constant time. */
 void tm485_reset_config_default(tm485_reset_config* config);
 
 /* Makes a run; `profile` must outlive it, `config` is copied, NULL: the default. TM485_ERR_BAD_ARGUMENT: NULL, or storage
