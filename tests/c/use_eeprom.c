@@ -128,7 +128,7 @@ int use_reset(const test_line* line, tm485_reset_kind kind, tm485_reset_outcome*
   while (now < limit) now = next_time(line, now, tm485_bus_poll(&bus, now));
 
   tm485_reset_config_default(&config);
-  CHECK(config.window == TM485_MS(50) && config.most_runs == 5);
+  CHECK(config.window == TM485_MS(50) && config.most_runs == 5 && config.max_speed_rpm == 6000);
   CHECK(tm485_reset_init(&reset, &profile, &config) == TM485_OK);
   CHECK(!tm485_reset_get_outcome(&reset, outcome));
   CHECK(tm485_reset_start(&reset, kind) == TM485_OK);
