@@ -271,5 +271,19 @@ TEST(Story, WhatComesBehindAResumeMayBeOverWhenTheLoopLooks) {
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
+// After 6 * 10^9 cycles: behind a stuck column ABS fitted both to the wrong turns, give or take what could be wrong, and to the
+// right ones, so that two replies with turns had to say it; the judge allowed for one.
+TEST(Story, BackFromWrongTurnsTakesTwoRepliesThatTellThem) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = {Time{62'500}, {{DataId::everything, 1}, {DataId::single_turn, 2}}};
+  setup.motion = "motion=sine:0.1519:34,start=-2.948";
+  const RunResult result = again(
+      setup, 3002, 1635,
+      "stuck column=6 value=0 from=207650us until=208303us seed=6057068; lose replies=0.000377332140000911 "
+      "characters=0.007881302036349413 until=208741us seed=891231");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -23,6 +23,12 @@ bool reads_turns(const Pattern& pattern) noexcept {
   return false;
 }
 
+/// So many positions until a step is followed that so many replies with turns have to tell.
+int rounds_of_turns(const RunSetup& setup, int replies) noexcept {
+  const int round = static_cast<int>(setup.pattern.size());
+  return reads_turns(setup.pattern) ? std::max(kCyclesUntilFresh, replies * round) : kCyclesUntilFresh;
+}
+
 }  // namespace
 
 Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const CompiledProfile& profile) noexcept
@@ -41,10 +47,8 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       position_time_(setup.position_time()),
       loss_bound_(setup.cycle_time() * kCyclesUntilLoss + kLongestExchange),
       recovery_bound_(setup.time_of_positions(kCyclesUntilFresh) + kLongestExchange),
-      step_bound_(setup.time_of_positions(
-                      reads_turns_ ? std::max(kCyclesUntilFresh, static_cast<int>(setup.pattern.size()))
-                                   : kCyclesUntilFresh) +
-                  kLongestExchange),
+      step_bound_(setup.time_of_positions(rounds_of_turns(setup, 1)) + kLongestExchange),
+      turns_bound_(setup.time_of_positions(rounds_of_turns(setup, 2)) + kLongestExchange),
       startup_bound_(setup.time_of_positions(kCyclesAfterStartup) + kLongestExchange),
       turn_(std::int64_t{1} << profile.profile().single_turn_bits),
       uncertain_(most_turned(profile, profile.profile().latch_uncertainty)),

@@ -183,7 +183,8 @@ class Judge {
     if (bus.state() == BusState::startup) [[unlikely]]
       on_startup(sample);
     const Time since = now - std::max({effects_->last, fresh_latch_, clear_since_});
-    const Time bound = through_startup_ ? startup_bound_ : stepped_ ? step_bound_ : recovery_bound_;
+    const Time step = turns_wrong_ ? turns_bound_ : step_bound_;
+    const Time bound = through_startup_ ? startup_bound_ : stepped_ ? step : recovery_bound_;
     return since <= bound || fail(Rule::recovery, now, since.count(), bound.count());
   }
   void on_startup(const Sample& sample) noexcept {
@@ -209,7 +210,8 @@ class Judge {
   Time position_time_;
   Time loss_bound_;
   Time recovery_bound_;
-  Time step_bound_;  // where turns are read now and then, a step waits for a reply that has them
+  Time step_bound_;   // where turns are read now and then, a step waits for a reply that has them
+  Time turns_bound_;  // and one back from wrong turns for two, if ABS fits to both
   Time startup_bound_;
   std::int64_t turn_;
   std::int64_t uncertain_;  // counts that the shaft turns in the uncertainty of the latch

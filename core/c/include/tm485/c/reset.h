@@ -52,9 +52,9 @@ typedef struct tm485_reset_outcome {
 } tm485_reset_outcome;
 
 typedef struct tm485_reset_config {
-  tm485_time window;   /* zero: the shaft stands still if it moves by no more than `standstill` over this */
-  uint32_t standstill; /* counts; 0: 2^-15 of a turn, at least 2 */
-  uint32_t tolerance;  /* zero: read back within this of 0, in counts; 0: four times `standstill` */
+  tm485_time window;     /* zero: the shaft stands still if it moves by no more than `standstill` over this */
+  uint32_t standstill;   /* counts; 0: 2^-15 of a turn, at least 2 */
+  uint32_t tolerance;    /* zero: read back within this of 0, in counts; 0: four times `standstill` */
   int32_t max_speed_rpm; /* multi-turn: what it can have turned by when read back late is reset again */
   uint8_t most_runs; /* a run that was interrupted, or read back too late, starts again, so often in all */
   uint8_t reserved[3];
