@@ -17,7 +17,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
-all=(frame reply request exchange bus c sim_options image journal profile arguments)
+all=(frame reply request exchange bus c sim_options image journal profile quantities arguments)
 seconds=60 runs=0 seed=0 preset=asan profile=1 targets=()
 number() { [[ ${1:-} =~ ^[1-9][0-9]*$ ]] || { printf 'fuzz: expected a number, got "%s"\n' "${1:-}" >&2 && exit 2; }; }
 known() { [[ " ${all[*]} " == *" ${1:-} "* ]] || { printf 'fuzz: no target "%s"; there are: %s\n' "${1:-}" "${all[*]}" >&2 && exit 2; }; }

@@ -22,6 +22,7 @@ int fuzz_sim_options(std::span<const std::uint8_t> bytes);
 int fuzz_image(std::span<const std::uint8_t> bytes);
 int fuzz_journal(std::span<const std::uint8_t> bytes);
 int fuzz_profile(std::span<const std::uint8_t> bytes);
+int fuzz_quantities(std::span<const std::uint8_t> bytes);
 int fuzz_arguments(std::span<const std::uint8_t> bytes);
 
 }  // namespace tm485::fuzz

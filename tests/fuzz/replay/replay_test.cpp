@@ -31,6 +31,7 @@ constexpr Target kTargets[] = {
     {"image", fuzz_image},
     {"journal", fuzz_journal},
     {"profile", fuzz_profile},
+    {"quantities", fuzz_quantities},
     {"arguments", fuzz_arguments},
 #endif
 };
