@@ -65,7 +65,8 @@ typedef struct tm485_bus_config {
   tm485_step steps[TM485_MAX_STEPS]; /* what is read, over and over */
   uint8_t step_count;                /* 0: no cycle, only background exchanges */
   tm485_phase phase;
-  uint16_t steal_every; /* N: a background request that fits no gap takes one slot in N; 0: it is refused */
+  /* N: a background request that fits no gap, or has not fitted one for 32 slots, takes one slot in N; 0: it is refused */
+  uint16_t steal_every;
   uint8_t eeprom_may_hold; /* 1: EEPROM writes that hold the bus are sent, the sample is held meanwhile */
   uint8_t startup_frames;  /* mutually consistent frames before anything is fresh */
   uint16_t link_window;    /* cycles over which failures are counted, 1 or more */
