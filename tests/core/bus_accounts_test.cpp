@@ -185,6 +185,53 @@ TEST_F(BusAccounts, AnInvalidSampleHasNoPosition) {
   EXPECT_FALSE(bus->latest().has_position());
 }
 
+TEST_F(BusAccounts, HistogramsAreFineWhereTheyTellMost) {
+  config.cycle = Cycle{DataId::everything, us(100)};
+  make();
+  start();
+  const auto width = [](const TimeStatistic& s) { return s.histogram().edge(1) - s.histogram().edge(0); };
+  EXPECT_EQ(width(bus->statistics().t1), ns(256));
+  EXPECT_EQ(bus->statistics().t1.histogram().edge(8), us(100)) << "around the period";
+  EXPECT_EQ(width(bus->statistics().reply_delay), ns(256));
+  EXPECT_EQ(bus->statistics().reply_delay.histogram().edge(0), profile->profile().t2_min);
+  port.be_slow(ms(1));
+  make();
+  start();
+  EXPECT_EQ(bus->statistics().reply_delay.histogram().edge(0), Time{0});
+  EXPECT_EQ(width(bus->statistics().reply_delay), ns(65'536)) << "sixteen of them hold the latency";
+}
+
+TEST_F(BusAccounts, AStartUpIsNoCycle) {
+  begin_running();
+  run_cycles(10);
+  const Time longest = bus->statistics().t1.maximum();
+  bus->on_restart(driver.now);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(10);
+  EXPECT_EQ(bus->statistics().t1.maximum(), longest);
+}
+
+// Whoever offers again as soon as an offer has failed is not answered in a tight loop.
+TEST_F(BusAccounts, APortThatSendsNothingIsAskedAfterAT1) {
+  config.cycle.reset();
+  begin_running();
+  port.refuses = true;
+  int failed = 0;
+  int polls = 0;
+  for (const Time end = driver.now + ms(10); driver.now < end && polls < 10'000; ++polls) {
+    (void)bus->offer(*Request::make(DataId::encoder_id));
+    const Time due = bus->poll(driver.now);
+    if (const auto completion = bus->take_completion()) {
+      EXPECT_EQ(test::error_of(completion->result), Errc::send_failed);
+      ++failed;
+    } else {
+      driver.now = std::max(driver.now, std::min(due, end));
+    }
+  }
+  EXPECT_GE(failed, 200);
+  EXPECT_LE(failed, 251) << "40 us apart";
+}
+
 TEST_F(BusAccounts, TheSequenceCountsPublications) {
   make();
   start();

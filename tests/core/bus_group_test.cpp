@@ -187,6 +187,30 @@ TEST(BusGroup, MembersOfOneSpanCanBeWokenInAnyOrder) {
   } while (std::next_permutation(order.begin(), order.end()));
 }
 
+// Its neighbour of before is not that of the next span.
+TEST(BusGroup, AMemberWithANewPlaceIsWokenFromThere) {
+  BusGroup<Asker, 3> group;
+  std::deque<Asker> members(3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    members[i].answer = [i](Time now) {
+      if (now == Time{0}) return i == 2 ? us(20) : us(41) + ns(static_cast<int>(i));  // two in one span
+      if (now < us(42))
+        return i == 2 ? us(60) : us(80 + 20 * static_cast<int>(i));  // one in front of the others
+      return kNever;
+    };
+    ASSERT_TRUE(group.add(members[i]));
+  }
+  Time now{0};
+  run(group, now, us(50));
+  group.wake(0);
+  now += us(1);
+  (void)group.poll(now);
+  const std::size_t polled = members[0].polled.size();
+  EXPECT_EQ(members[0].polled.back(), now);
+  run(group, now, ms(1));
+  EXPECT_EQ(members[0].polled.size(), polled) << "not when it would have been";
+}
+
 /// A bus whose reply may be there from an instant on.
 struct Expecting : Asker {
   Time expected = kNever;

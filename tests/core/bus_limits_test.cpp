@@ -313,6 +313,16 @@ TEST_F(BusLimits, APeriodThatSingleTurnDataCannotCrossIsRefusedWithTheNearest) {
   }
 }
 
+TEST_F(BusLimits, WhereThePortIsTooSlowForItNoPeriodIsTheNearest) {
+  config.cycle = Cycle{DataId::single_turn, ms(8)};
+  port.capability_.shortest_exchange = ms(6);
+  make();
+  const auto result = bus->start(driver.now);
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, Errc::position_lost);
+  EXPECT_EQ(result.error().nearest, Time{0});
+}
+
 TEST_F(BusLimits, APeriodOfMoreThanAnHourIsRefusedWithTheNearest) {
   config.cycle = Cycle{DataId::encoder_id, std::chrono::hours(1) + ns(1)};
   make();

@@ -98,6 +98,33 @@ TEST_F(BusSlowPort, ARequestWhoseGapIsNeverLongEnoughTakesASlot) {
   expect_t1_kept();
 }
 
+// An allowance of 20 ms does not mean that a sample is fresh for so long: its successor is due a period after it was seen.
+TEST_F(BusSlowPort, AReplyThatWasSeenEarlyIsFreshForAPeriodAndNoLonger) {
+  port.be_slow(ms(20));
+  port.capability_.jitter_margin = us(3);
+  config.cycle = Cycle{DataId::everything, us(500)};
+  begin_running();
+  run_cycles(3);
+  const Profile& p = profile->profile();
+  EXPECT_EQ(bus->fresh_until(), bus->last_record().seen + us(500) + us(3) + p.t2_max - p.t2_min);
+}
+
+TEST_F(BusSlowPort, BehindAReplyThatBreaksTheProfileTheRestOfItHasTimeToCome) {
+  port.be_slow(us(200));
+  config.cycle = Cycle{DataId::everything, us(100)};
+  begin_running();
+  run_cycles(3);
+  hook = [this](const Bytes&, Time, ScriptedPort::Answer& answer) {
+    answer.bytes = test::id3_reply(encoder.abs, encoder.abm, 0x55);
+  };
+  run_cycles(1);
+  ASSERT_EQ(bus->last_record().result, Errc::enid_unexpected);
+  hook = nullptr;
+  const Time seen = bus->last_record().seen;
+  run_cycles(1);
+  EXPECT_GE(port.sent.back().asked, seen + us(200));
+}
+
 TEST_F(BusSlowPort, ALateReplyIsNeverTheAnswerOfTheNextRequest) {
   port.be_slow(us(250));
   config.cycle = Cycle{DataId::everything, us(100)};

@@ -199,6 +199,27 @@ TEST_F(BusTrust, TurnsThatWereCarriedOnEndWithAResetOfTheTurns) {
   EXPECT_EQ(bus->latest().position(), 1'000);
 }
 
+// The gate is told of replies that are missing: behind two the window lets pass what one reply alone is not believed.
+TEST_F(BusTrust, BehindTwoLostRepliesOneThatIsFarOffIsNotBelievedByItself) {
+  constexpr std::uint32_t kFarOff = 40;  // counts: within the window of three periods
+  for (const int lost : {1, 2}) {
+    driver = test::Driver{};
+    port.sent.clear();
+    hook = nullptr;
+    encoder.abs = 1'000;
+    begin_at_turn(7);
+    hook = [](const Bytes&, Time, ScriptedPort::Answer& answer) { answer.bytes.clear(); };
+    run_cycles(static_cast<std::uint32_t>(lost));
+    hook = nullptr;
+    encoder.abs += lost == 2 ? kFarOff : 10;
+    run_cycles(1);
+    EXPECT_EQ(bus->last_record().result, lost == 2 ? Errc::position_implausible : Errc::ok) << lost;
+    run_cycles(3);
+    EXPECT_EQ(bus->latest().quality(), Quality::fresh) << "three agree";
+    EXPECT_EQ(bus->statistics().discontinuities, 0U);
+  }
+}
+
 TEST_F(BusTrust, StatusBitsAreLatchedUntilAResetWasReadBack) {
   begin_running("tm485_17_battery");
   encoder.sf = 0x20;

@@ -334,6 +334,18 @@ TEST(Estimator, SquareRoot) {
   EXPECT_EQ(square_root(-1.0F), 0.0F);
 }
 
+TEST(Estimator, TheGainsOfTheSteadyStateAreTakenAsTheyAre) {
+  EstimatorGains gains = make_gains(3);
+  gains.gain = {0.5F, 0.25F, 0.125F};
+  const auto fixed = FixedGains::from(gains);
+  ASSERT_TRUE(fixed);
+  EXPECT_EQ(fixed->correction[0].position, 1 << 29);
+  EXPECT_EQ(fixed->correction[0].velocity, 1 << 28);
+  EXPECT_EQ(fixed->correction[0].acceleration, 1 << 27);
+  gains.period = ns(1 << 15);
+  EXPECT_EQ(FixedGains::from(gains)->periods_per_ns, 1U << 31) << "no rounding where none is needed";
+}
+
 TEST(Estimator, InvalidGainsAreToldApart) {
   const auto broken = [](auto change) {
     EstimatorGains gains = make_gains(2);

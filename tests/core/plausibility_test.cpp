@@ -202,6 +202,39 @@ TEST_F(Steady, AStepIsFollowedAfterFourThatAgree) {
   EXPECT_LE(gate.half_width(), 64U);
 }
 
+// One of the four may be wrong by as much as its window lets pass; at 1 ms that is much.
+TEST_F(Steady, BehindAStepTheHalfWidthIsThatOfTheWindowsOfTheRow) {
+  constexpr Time kSlow = std::chrono::milliseconds(1);
+  constexpr std::int64_t kBend = 2'184;  // 10^6 rpm/s over a millisecond, twice half of it
+  gate.expect_every(kSlow);
+  for (int k = 0; k < 10; ++k)
+    ASSERT_EQ(gate.judge({position, now += kSlow, Time{0}}), GateVerdict::accepted);
+  position += 50'000;
+  GateVerdict verdict = GateVerdict::held_back;
+  for (int k = 0; k < PlausibilityGate::kAgree; ++k) verdict = gate.judge({position, now += kSlow, Time{0}});
+  EXPECT_EQ(verdict, GateVerdict::reacquired);
+  EXPECT_GE(gate.half_width(), 4 * kBend);
+}
+
+// In a row that agrees none is far off, so the next half-width counts the window and not where the last one lay in it.
+TEST_F(Steady, BehindAStepTheNextHalfWidthDoesNotCountWhereTheLastReadingLay) {
+  const auto width_behind = [&](std::int64_t aside) {
+    gate = PlausibilityGate(kBits, limits());
+    gate.expect_every(kPeriod);
+    run(0, 10);
+    position += 50'000;
+    for (int k = 1; k < PlausibilityGate::kAgree; ++k) EXPECT_EQ(read(position), GateVerdict::held_back);
+    position += aside;
+    EXPECT_EQ(read(position), GateVerdict::reacquired);
+    position += aside;  // at the speed of the last two
+    EXPECT_EQ(read(position), GateVerdict::accepted);
+    return gate.half_width();
+  };
+  const std::uint32_t straight = width_behind(0);
+  // What the speed can be wrong by counts once; where the reading lay would count besides.
+  EXPECT_LT(width_behind(8), straight + 2 * 8);
+}
+
 TEST_F(Steady, ReadingsThatDoNotAgreeAreNeverFollowed) {
   run(400, 10);
   for (int k = 0; k < 100; ++k) EXPECT_EQ(read(1'000'000 * (k % 3 + 1)), GateVerdict::held_back) << k;

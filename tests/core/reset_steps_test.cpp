@@ -243,6 +243,7 @@ TEST_F(ResetSteps, ABitThatStaysIsNamedUnlessThePolicyIgnoresIt) {
   answer(ask(), 0, 1, 0x10, 0x04);
   EXPECT_EQ(outcome().verdict, ResetVerdict::cause_persists);
   EXPECT_EQ(outcome().persisting, StatusSet(0x10, 0x04));
+  EXPECT_EQ(outcome().status_after, StatusSet(0x10, 0x04));
   ASSERT_TRUE(run->start(ResetKind::errors));
   answer(ask());
   ten();
