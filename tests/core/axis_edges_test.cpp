@@ -316,5 +316,24 @@ TEST_F(BusTest, T1OfAWriteHoldsBehindARestartOnAPortThatOnlyEstimates) {
   }
 }
 
+TEST_F(AxisEdges, InvalidFromTheInstantThatIsStatedOn) {
+  begin_running();
+  (void)read();
+  const Time until = axis->client().view().valid_until;
+  EXPECT_TRUE(axis->client().read(until - ns(1)).usable());
+  EXPECT_FALSE(axis->client().read(until).usable());
+}
+
+TEST_F(AxisEdges, WithoutNewsNothingIsPublishedAnew) {
+  begin_running();
+  ASSERT_TRUE(driver.run(*axis, port, driver.now + ms(1),
+                         [&] { return axis->reply_expected() == kNever && read().usable(); }));
+  const Sample* const newest = &axis->client().latest();
+  for (int i = 0; i < 5; ++i) {
+    axis->poll(driver.now);
+    EXPECT_EQ(&axis->client().latest(), newest) << "the same place, for the same sample";
+  }
+}
+
 }  // namespace
 }  // namespace tm485

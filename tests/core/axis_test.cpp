@@ -210,24 +210,6 @@ TEST_F(AxisTest, AReaderThatSawSilenceStaysInvalidThoughTheBusNeverDid) {
   EXPECT_EQ(read().validity, SampleValidity::fresh);
 }
 
-TEST_F(AxisTest, InvalidFromTheInstantThatIsStatedOn) {
-  begin_running();
-  (void)read();
-  const Time until = client().view().valid_until;
-  EXPECT_TRUE(client().read(until - ns(1)).usable());
-  EXPECT_FALSE(client().read(until).usable());
-}
-
-TEST_F(AxisTest, WithoutNewsNothingIsPublishedAnew) {
-  begin_running();
-  ASSERT_TRUE(run(ms(1), [&] { return axis->reply_expected() == kNever && read().usable(); }));
-  const Sample* const newest = &client().latest();
-  for (int i = 0; i < 5; ++i) {
-    axis->poll(driver.now);
-    EXPECT_EQ(&client().latest(), newest) << "the same place, for the same sample";
-  }
-}
-
 TEST_F(AxisTest, StopMakesInvalidAndAnswersWhatWaits) {
   begin_running();
   for (unsigned i = 0; i < 5; ++i) ASSERT_TRUE(client().post(Command::exchange(*Request::eeprom_read(i))));

@@ -1,0 +1,72 @@
+// What a port's latency allowance does to slots, gaps and samples, and what it does not.
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "support/bus_fixture.hpp"
+
+namespace tm485 {
+namespace {
+
+using test::BusTest;
+using test::Bytes;
+using test::ms;
+using test::ScriptedPort;
+using test::us;
+
+using BusLatency = BusTest;
+
+// Found by the campaign (seed 2062, run 3184): by the pattern there is a gap, but the replies are seen so late that nothing fits
+// into it. The request was not one that may take slots, waited for 64 of them, ended with no_gap, and so did the next.
+TEST_F(BusLatency, ARequestWhoseGapIsNeverLongEnoughTakesASlot) {
+  port.be_slow(us(20));
+  port.delivery = us(15);
+  config.cycle = Cycle{DataId::everything, us(105)};
+  config.steal_every = 2;
+  begin_running();
+  run_cycles(20);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(bus->scheduler()->has_gap_for(us(40)));
+    ASSERT_TRUE(bus->offer(*Request::make(DataId::encoder_id)));
+    std::optional<Completion> completion;
+    driver.run(*bus, port, driver.now + ms(10), [&] {
+      completion = bus->take_completion();
+      return completion.has_value();
+    });
+    ASSERT_TRUE(completion && completion->result) << i;
+  }
+  EXPECT_GE(bus->statistics().stolen, 2U) << "behind a stolen slot one may fit";
+  EXPECT_LE(bus->statistics().longest_wait, 33U);
+  EXPECT_EQ(bus->statistics().failed, 0U);
+  expect_t1_kept();
+}
+
+// An allowance of 20 ms does not mean that a sample is fresh for so long: its successor is due a period after it was seen.
+TEST_F(BusLatency, AReplyThatWasSeenEarlyIsFreshForAPeriodAndNoLonger) {
+  port.be_slow(ms(20));
+  port.capability_.jitter_margin = us(3);
+  config.cycle = Cycle{DataId::everything, us(500)};
+  begin_running();
+  run_cycles(3);
+  const Profile& p = profile->profile();
+  EXPECT_EQ(bus->fresh_until(), bus->last_record().seen + us(500) + us(3) + p.t2_max - p.t2_min);
+}
+
+TEST_F(BusLatency, BehindAReplyThatBreaksTheProfileTheRestOfItHasTimeToCome) {
+  port.be_slow(us(200));
+  config.cycle = Cycle{DataId::everything, us(100)};
+  begin_running();
+  run_cycles(3);
+  hook = [this](const Bytes&, Time, ScriptedPort::Answer& answer) {
+    answer.bytes = test::id3_reply(encoder.abs, encoder.abm, 0x55);
+  };
+  run_cycles(1);
+  ASSERT_EQ(bus->last_record().result, Errc::enid_unexpected);
+  hook = nullptr;
+  const Time seen = bus->last_record().seen;
+  run_cycles(1);
+  EXPECT_GE(port.sent.back().asked, seen + us(200));
+}
+
+}  // namespace
+}  // namespace tm485
