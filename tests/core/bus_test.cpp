@@ -259,6 +259,22 @@ TEST_F(BusTest, AHeldSampleBecomesInvalidWithAge) {
   EXPECT_EQ(bus->state(), BusState::running);
 }
 
+// Whichever finds it first, a failed cycle or the clock.
+TEST_F(BusTest, ASampleBecomesInvalidOnce) {
+  for (int k = 0; k < 64; ++k) {
+    config.max_hold = us(500) + us(1) * k;
+    driver = Driver{};
+    port.sent.clear();
+    dead_from = kNever;
+    begin_running();
+    run_cycles(2);
+    dead_from = ns(0);
+    run(ms(2));
+    ASSERT_EQ(bus->latest().quality(), Quality::invalid) << k;
+    EXPECT_EQ(bus->statistics().invalidated, 1U) << k;
+  }
+}
+
 TEST_F(BusTest, OnRestartBeginsStartUpAgain) {
   begin_running();
   run_cycles(5);

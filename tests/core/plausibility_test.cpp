@@ -235,6 +235,20 @@ TEST_F(Steady, BehindAStepTheNextHalfWidthDoesNotCountWhereTheLastReadingLay) {
   EXPECT_LT(width_behind(8), straight + 2 * 8);
 }
 
+// The only reading with turns was the wrong one: what it said of them goes with it.
+TEST_F(Steady, ARowThatLosesItsFirstReadingLosesItsTurns) {
+  run(0, 10);
+  const auto read_of = [&](std::int64_t off, Turns turns) {
+    now += kPeriod;
+    return gate.judge({position + off, now, Time{0}, turns});
+  };
+  EXPECT_EQ(read_of(60'000, Turns::known), GateVerdict::held_back);
+  EXPECT_EQ(read_of(60'000, Turns::to_come), GateVerdict::held_back);
+  for (std::int64_t k = 1; k <= 6; ++k)
+    EXPECT_EQ(read_of(60'000 + 500 * k, Turns::to_come), GateVerdict::held_back) << k;
+  EXPECT_EQ(read_of(60'000 + 500 * 7, Turns::known), GateVerdict::reacquired);
+}
+
 TEST_F(Steady, ReadingsThatDoNotAgreeAreNeverFollowed) {
   run(400, 10);
   for (int k = 0; k < 100; ++k) EXPECT_EQ(read(1'000'000 * (k % 3 + 1)), GateVerdict::held_back) << k;

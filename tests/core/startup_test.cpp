@@ -57,6 +57,15 @@ TEST_F(BusTest, EncoderFirst) {
   expect_t1_kept();
 }
 
+// What a user before us has asked may be answered late as well.
+TEST_F(BusTest, ASlowPortIsGivenItsLatencyToFallSilent) {
+  port.be_slow(us(300));
+  make();
+  start();
+  ASSERT_TRUE(run_until_running());
+  EXPECT_EQ(port.sent[0].start, profile->t1(DataId::everything) + us(300));
+}
+
 TEST_F(BusTest, HostFirst) {
   alive_from = ms(300);
   make();
