@@ -162,6 +162,7 @@ Feasibility Scheduler::feasibility() const noexcept {
 void Scheduler::begin(Time first) noexcept {
   slot_ = first;
   step_ = 0;
+  gave_way_ = 0;
   running_ = true;
   load_step();
   if (in_epoch_) {
@@ -214,6 +215,18 @@ std::uint32_t Scheduler::pass(Time until) noexcept {
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(passed, UINT32_MAX));
 }
 
+std::uint32_t Scheduler::steps_until(Time until) const noexcept {
+  if (uniform_ || (!locked_ && !in_epoch_)) return 0;  // none does
+  std::uint32_t steps = 0;
+  Time slot = slot_;
+  for (std::size_t step = step_, left = pattern_.size(); left != 0 && slot < until; --left) {
+    steps |= 1U << step;
+    slot += step_length(step);
+    if (++step == pattern_.size()) step = 0;
+  }
+  return steps;
+}
+
 std::uint32_t Scheduler::give_way(Time free_at) noexcept {
   if (free_) {  // the grid moves
     if (slot_ >= free_at) return 0;
@@ -222,7 +235,9 @@ std::uint32_t Scheduler::give_way(Time free_at) noexcept {
     return static_cast<std::uint32_t>(std::min<std::int64_t>(taken, UINT32_MAX));
   }
   const Time until = free_at - tolerance_;
-  return slot_ < until ? pass(until) : 0;
+  if (slot_ >= until) return 0;
+  gave_way_ |= steps_until(until);
+  return pass(until);
 }
 
 void Scheduler::on_servo_tick(Time tick, Statistics& statistics) noexcept {

@@ -41,6 +41,41 @@ TEST_F(BusLatency, ARequestWhoseGapIsNeverLongEnoughTakesASlot) {
   expect_t1_kept();
 }
 
+// But not one over which its position would be lost, or the sample become invalid: that was promised when it was offered.
+TEST_F(BusLatency, NoSlotIsTakenThatTheSampleCannotSpare) {
+  struct Case {
+    Cycle cycle;
+    Time max_hold;
+    Time late;  // by which the owner polls behind the slot
+  };
+  for (const Case& c : {Case{{DataId::single_turn, ms(3)}, ms(10), us(2'980)},
+                        Case{{DataId::everything, us(200)}, us(150), us(175)}}) {
+    driver = test::Driver{};
+    port.sent.clear();
+    config.cycle = c.cycle;
+    config.max_hold = c.max_hold;
+    config.steal_every = 4;
+    make();
+    start();
+    ASSERT_TRUE(run_until_running());
+    run_cycles(10);
+    ASSERT_TRUE(bus->offer(*Request::eeprom_read(1)));
+    std::optional<Completion> completion;
+    for (int i = 0; i < 200 && !completion; ++i) {  // at the slot, and too late for what fits into its gap
+      const Time slot = bus->scheduler()->slot();
+      driver.now = slot;
+      (void)bus->poll(driver.now);
+      driver.now = slot + c.late;
+      for (int polls = 0; polls < 3; ++polls) (void)bus->poll(driver.now);
+      completion = bus->take_completion();
+    }
+    ASSERT_TRUE(completion);
+    EXPECT_EQ(test::error_of(completion->result), Errc::no_gap);
+    EXPECT_EQ(bus->state(), BusState::running);
+    EXPECT_EQ(bus->statistics().invalidated, 0U);
+  }
+}
+
 // An allowance of 20 ms does not mean that a sample is fresh for so long: its successor is due a period after it was seen.
 TEST_F(BusLatency, AReplyThatWasSeenEarlyIsFreshForAPeriodAndNoLonger) {
   port.be_slow(ms(20));

@@ -208,6 +208,31 @@ TEST_F(BusPattern, StolenSlotsTakeTurnsAmongTheSteps) {
   expect_t1_kept();
 }
 
+// Nor always that with the turns, of which a restart and the way of a step are told.
+TEST_F(BusPattern, NoStepLosesItsSlotAgainAndAgain) {
+  for (const Time later : {us(0), us(70)}) {
+    config.cycle = Pattern(us(70), {{DataId::single_turn, 1}, {DataId::everything, 1}});
+    config.phase = Phase::at(us(0));
+    config.steal_every = 2;
+    driver = test::Driver{};
+    begin_running();
+    run_cycles(20);
+    run(later);
+    port.sent.clear();
+    driver.run(*bus, port, driver.now + ms(40), [&] {
+      (void)bus->offer(*Request::eeprom_read(1));
+      (void)bus->take_completion();
+      return false;
+    });
+    std::array<std::size_t, 3> sent{};
+    for (const auto& s : port.sent) ++sent.at(s.bytes[0] == 0x02 ? 0U : s.bytes[0] == 0x1A ? 1U : 2U);
+    EXPECT_GT(sent[0], 100U);
+    EXPECT_GT(sent[1], 100U);
+    EXPECT_GT(sent[2], 100U);
+    expect_t1_kept();
+  }
+}
+
 // The campaign has found this too, once its cycles were in phase with a servo clock (seed 2052, run 1304): there the step whose
 // slot is taken falls out, and of a pattern of two it was the position's again and again, until the sample was invalid.
 TEST_F(BusPattern, AStolenSlotIsNotTheOnlyPositionAgainAndAgain) {

@@ -157,6 +157,53 @@ TEST(Pattern, InPhaseAStallPassesWholePatternsAndKeepsStepAndPhase) {
   EXPECT_EQ(scheduler.slot(), us(320) * 1'001);
 }
 
+// Of a pattern in phase a step that has given way is asked before it gives way again.
+TEST(Pattern, InPhaseEachStepGivesWayOnceUntilItWasAsked) {
+  const Pattern pattern(us(70),
+                        {{DataId::single_turn, 1}, {DataId::everything, 1}, {DataId::everything, 1, 2}});
+  Statistics statistics;
+  Scheduler scheduler = *Scheduler::make(pattern, Phase::at(us(4)), profile(), {});
+  scheduler.begin(us(0));
+  EXPECT_TRUE(scheduler.may_give_way(us(1'000)));
+  EXPECT_EQ(scheduler.give_way(us(70)), 1U);
+  EXPECT_TRUE(scheduler.may_give_way(us(280))) << "the two others";
+  EXPECT_FALSE(scheduler.may_give_way(us(282))) << "and the first again";
+  EXPECT_EQ(scheduler.give_way(us(142)), 2U) << "counted from the slot, however late it is";
+  EXPECT_EQ(scheduler.slot(), us(280));
+  EXPECT_FALSE(scheduler.may_give_way(us(282)));
+  scheduler.on_start(us(280), statistics);
+  EXPECT_FALSE(scheduler.may_give_way(us(352)));
+  scheduler.on_start(us(350), statistics);
+  scheduler.on_start(us(420), statistics);
+  EXPECT_TRUE(scheduler.may_give_way(us(1'000)));
+  EXPECT_EQ(scheduler.give_way(us(560) + us(2'800)), 30U);
+  EXPECT_FALSE(scheduler.may_give_way(scheduler.slot() + us(2))) << "all have";
+  scheduler.begin(scheduler.slot());
+  EXPECT_TRUE(scheduler.may_give_way(scheduler.slot() + us(2)));
+}
+
+// Steps that T1 pushes out, because their owner is late every time, have not given way: the background has its turn.
+TEST(Pattern, StepsThatT1PushesOutHaveNotGivenWay) {
+  const Pattern pattern(us(70), {{DataId::everything, 1}, {DataId::single_turn, 1}});
+  Statistics statistics;
+  Scheduler scheduler = *Scheduler::make(pattern, Phase::at(us(4)), profile(), {});
+  scheduler.begin(us(0));
+  for (int i = 0; i < 10; ++i) scheduler.on_start(scheduler.slot() + us(10), statistics);
+  EXPECT_EQ(statistics.skipped, 10U);
+  EXPECT_TRUE(scheduler.may_give_way(scheduler.slot() + us(140)));
+  // Where nobody counts on a step's place in time, none ever does.
+  for (const Phase& phase : {Phase{}, Phase::at(us(4))}) {
+    Scheduler one = *Scheduler::make(Cycle{DataId::everything, us(70)}, phase, profile(), {});
+    one.begin(us(0));
+    EXPECT_GT(one.give_way(us(300)), 3U);
+    EXPECT_TRUE(one.may_give_way(us(900)));
+  }
+  Scheduler any = *Scheduler::make(pattern, profile(), {});
+  any.begin(us(0));
+  EXPECT_GT(any.give_way(us(300)), 3U);
+  EXPECT_TRUE(any.may_give_way(us(900)));
+}
+
 TEST(Pattern, AnExchangeThatTakesTheLineMovesOnByTheSlotsItTakes) {
   Scheduler scheduler = *Scheduler::make(mixed(), profile(), {});
   scheduler.begin(us(0));

@@ -43,8 +43,8 @@ struct BusConfig {
   Phase phase;                               ///< when the pattern starts; locked to a servo clock, or not
   /// What happens to a background request that fits into no gap of the pattern. 0: it is refused (no_gap). N: it
   /// takes cyclic slots, one in N (two in 2 N if it needs two), while the sample is held; refused if it would take
-  /// them for longer than max_hold. A request with a gap takes one too, if for 32 slots it has not fitted in time. Of a
-  /// pattern that is in phase (BusConfig::phase) a position is asked for between two of them.
+  /// them for longer than max_hold. A request with a gap takes one too, if for 32 slots it has not fitted in time. No step
+  /// of the pattern loses its slot to it twice before it was asked.
   std::uint16_t steal_every = 0;
   /// An EEPROM write that holds the bus (profile: 10 ms, 18 ms for a page) fits into no cycle. false: it is refused. true: it
   /// is sent, the cycle waits, and the sample is held for so long beyond max_hold. It waits until one sample has announced
@@ -204,7 +204,7 @@ class Bus {
   [[nodiscard]] Time next_due(Time now) const noexcept;
   [[nodiscard]] Time span_of(const Request& request) const noexcept;
   [[nodiscard]] bool fits(const Request& request, Time start) const noexcept;
-  [[nodiscard]] bool may_steal(const Request& request) const noexcept;
+  [[nodiscard]] bool may_steal(const Request& request, Time now) const noexcept;
   [[nodiscard]] bool holds_bus(const Request& request) const noexcept;
   [[nodiscard]] const Request* candidate(Time start) const noexcept;
   void begin_background(const Request& request, Time now) noexcept;

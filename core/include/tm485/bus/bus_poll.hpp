@@ -148,12 +148,13 @@ bool Bus<P>::fits(const Request& request, Time start) const noexcept {
 
 /// True if a request that fits into no gap, or has not for long, may have the slot that is due.
 template <Port P>
-bool Bus<P>::may_steal(const Request& request) const noexcept {
+bool Bus<P>::may_steal(const Request& request, Time now) const noexcept {
   if (will_hold(request)) return announced_;
-  if (config_.steal_every == 0 || to_steal_ != 0 || !scheduler_->may_lose_slot()) return false;
+  const Time span = span_of(request);
+  if (config_.steal_every == 0 || to_steal_ != 0 || !scheduler_->may_give_way(now + span)) return false;
+  if (!scheduler_->has_gap_for(span)) return true;
   // Where replies are seen late, a gap can be shorter than it is by the pattern.
-  return !scheduler_->has_gap_for(span_of(request)) ||
-         background_.waited(priority_of(request)) >= BackgroundQueue::kAged;
+  return background_.waited(priority_of(request)) >= BackgroundQueue::kAged && may_take_slots(request);
 }
 
 template <Port P>
@@ -187,7 +188,7 @@ bool Bus<P>::begin_before_cycle(Time now) noexcept {
   if (!scheduler_ || hold_ != LineHold::none || now < scheduler_->slot()) return true;
   if (background_.empty()) return false;
   const Request& waiting = *background_.next();
-  if (may_steal(waiting)) {
+  if (may_steal(waiting, now)) {
     begin_background(waiting, now);
     return true;
   }
@@ -211,10 +212,7 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
   if (scheduler_ && hold_ == LineHold::none && !in_gap) {
     const std::uint32_t taken = scheduler_->give_way(now + span);
     saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
-    if (!reset && !holds) {
-      to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
-      scheduler_->on_lost_slot();
-    }
+    if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
     // Once behind each fresh sample: a second hold without one between them does not keep an old sample alive.
     if (holds && stale_at_ != kNever && held_for_ == Time{0}) {
       held_for_ = span;

@@ -89,7 +89,7 @@ class Scheduler {
 
   /// The slot's request started at `start`, not before the slot. Moves on to the next slot.
   void on_start(Time start, Statistics& statistics) noexcept {
-    if (!uniform_) position_asked_ = position_asked_ || layout(id_).abs_at != 0;
+    if (!uniform_) gave_way_ &= ~(1U << step_);
     if (free_) {
       if (start - slot_ > jitter_margin_) saturating_increment(statistics.slips);
       slot_ = start;
@@ -108,16 +108,13 @@ class Scheduler {
     if (slot_ <= now) saturating_increment(statistics.skipped, pass(now + Time{1}));
   }
 
-  /// May the slot that is due be given to somebody else? In a pattern that is in phase its step falls out, and of a few steps it
-  /// could be the one with the position every time: one is asked for in between.
-  [[nodiscard]] bool may_lose_slot() const noexcept {
-    return position_asked_ || uniform_ || !reads_position_;
-  }
-  /// It has been given.
-  void on_lost_slot() noexcept { position_asked_ = false; }
-
   /// The line is taken until `free_at` by something else. Answers how many slots fall to it.
   [[nodiscard]] std::uint32_t give_way(Time free_at) noexcept;
+  /// May it be? In a pattern that is in phase the steps of these slots fall out, and of a few steps it could be the same one every
+  /// time, the only position, or the only turns: false if one of them has given way since it was asked last.
+  [[nodiscard]] bool may_give_way(Time free_at) const noexcept {
+    return (gave_way_ & steps_until(free_at - tolerance_)) == 0;
+  }
 
   /// True if a gap of the pattern holds an exchange that takes `span`, also behind a start that is late by the jitter margin.
   [[nodiscard]] bool has_gap_for(Time span) const noexcept { return span <= gap_; }
@@ -149,6 +146,8 @@ class Scheduler {
   /// Cold: leaves out what lies before `until`; answers how many slots. In phase with an epoch or a servo clock their steps
   /// fall out too; else they follow in order.
   [[nodiscard]] std::uint32_t pass(Time until) noexcept;
+  /// Cold: the steps that fall out if the slots before `until` do, a bit each.
+  [[nodiscard]] std::uint32_t steps_until(Time until) const noexcept;
 
   Time slot_{0};
   Time to_next_{0};  ///< of the step that is next
@@ -164,7 +163,6 @@ class Scheduler {
   bool in_epoch_;
   bool reads_position_ = false;
   bool reads_turns_ = false;
-  bool position_asked_ = true;  ///< since the last slot that was lost
 
   Pattern pattern_;
   const CompiledProfile* profile_;
@@ -172,7 +170,8 @@ class Scheduler {
   Time gap_{0};
   Time sample_gap_{0};
   Time unwrap_gap_{0};
-  Time epoch_;  ///< if in_epoch_
+  std::uint32_t gave_way_ = 0;  ///< since they were asked: a bit a step
+  Time epoch_;                  ///< if in_epoch_
   ServoLock lock_;
 };
 
