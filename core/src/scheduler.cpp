@@ -237,6 +237,7 @@ std::uint32_t Scheduler::give_way(Time free_at) noexcept {
   const Time until = free_at - tolerance_;
   if (slot_ >= until) return 0;
   gave_way_ |= steps_until(until);
+  if (locked_) lock_.put_off(slot_, until);
   return pass(until);
 }
 

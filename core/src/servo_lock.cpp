@@ -11,6 +11,7 @@ constexpr std::uint8_t kVotes = 8;      // ticks in a row that change the state
 constexpr std::int64_t kMostGain =
     4096;  // of an error at most a 16th a pattern, however many ticks a pattern has
 constexpr std::int64_t kRateLimit = 1000;  // parts of the length: 1000 ppm, far beyond two crystals
+constexpr std::uint8_t kMute = 24;         // ticks until an eighth each has taken up what a hold has left
 
 }  // namespace
 
@@ -41,7 +42,7 @@ Time ServoLock::begin(Time first) noexcept {
 Time ServoLock::advance(std::int64_t patterns) noexcept {
   start_ += length_ * patterns;
   shift(std::int64_t{rate_} * patterns);
-  if (start_ - last_tick_ > period_ * kLostAfter + length_) state_ = State::waiting;
+  if (start_ - last_tick_ - excused_ > period_ * kLostAfter + length_) state_ = State::waiting;
   return start_;
 }
 
@@ -74,12 +75,16 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
     votes_ = 0;
   }
   last_tick_ = tick;
+  excused_ = Time{0};
   const Time error = error_of(tick);
   if (state_ == State::waiting) {
     // The whole way at once, and forwards: whatever waits for this start must not come earlier than it was told.
     start_ += error < Time{0} ? error + unit_ : error;
     state_ = State::seeking;
     votes_ = 0;
+    mute_ = 0;
+    coasting_ = false;
+    heard_at_ = tick;
     return std::nullopt;
   }
   const Time near = unit_ / 16;
@@ -97,9 +102,31 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
   }
   const Time heard = std::clamp(error, -near, near);
   shift((heard.count() << kFraction) >> kPhaseShift);
-  const std::int64_t rate = rate_ + heard.count() * rate_gain_;
-  rate_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(rate, -rate_limit_, rate_limit_));
+  if (coasting_ && tick - heard_at_ > std::max(length_, period_) * kMute) {
+    take_up(tick, heard);
+  } else if (mute_ != 0) {
+    --mute_;
+  } else {
+    turn(heard.count() * rate_gain_);
+  }
+  coasting_ = false;
+  heard_at_ = tick;
   return error;
+}
+
+/// The first tick behind a long hold. What the grid is off by now has come together over all of it: the rate is off by so much less
+/// a pattern. Half of that is heard, or a quarter, because a tick may be stamped late; and the ticks that follow, which tell the same
+/// again while it is taken up, say nothing of the rate.
+void ServoLock::take_up(Time tick, Time error) noexcept {
+  unsigned parts = 2;  // a power of two: at least twice the patterns that it took
+  for (Time span = length_ * 2; span <= tick - heard_at_ && parts < kFraction; span *= 2) ++parts;
+  turn((error.count() << kFraction) >> parts);
+  mute_ = kMute;
+}
+
+/// The rate by `by`, in 2^-16 ns a pattern.
+void ServoLock::turn(std::int64_t by) noexcept {
+  rate_ = static_cast<std::int32_t>(std::clamp<std::int64_t>(rate_ + by, -rate_limit_, rate_limit_));
 }
 
 std::int32_t ServoLock::drift_ppm() const noexcept {

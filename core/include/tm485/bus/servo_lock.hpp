@@ -38,13 +38,22 @@ class ServoLock {
   [[nodiscard]] Time begin(Time first) noexcept;
   /// While no pattern runs: the grid goes along with the ticks, call it before on_tick().
   void follow(Time tick) noexcept;
-  /// A pattern runs, but something else has had the line for more than two of them: the grid stands still, and by how much a
-  /// tick is off says nothing. Such a tick goes to coast() instead of on_tick().
+  /// A pattern runs, but something else has the line for more than two of them: the grid stands still, or was put off already,
+  /// and by how much a tick is off says nothing. Such a tick goes to coast() instead of on_tick().
   [[nodiscard]] bool stands_still(Time tick) const noexcept {
     return state_ != State::waiting && tick - last_tick_ <= period_ * kLostAfter &&
-           tick - ahead_ - start_ > length_ * 2;
+           (tick - start_ > length_ * 2 || tick < off_until_ - length_ * 2);
   }
-  void coast(Time tick) noexcept { last_tick_ = tick; }
+  void coast(Time tick) noexcept {
+    last_tick_ = tick;
+    excused_ = Time{0};
+    coasting_ = true;
+  }
+  /// The grid is about to be put off from `slot` to `until`, at once: ticks are not missed before they can have come.
+  void put_off(Time slot, Time until) noexcept {
+    excused_ += until - slot;
+    off_until_ = until;
+  }
   /// `patterns` later. Answers the start that is due then.
   Time advance(std::int64_t patterns) noexcept;
 
@@ -55,6 +64,9 @@ class ServoLock {
  private:
   [[nodiscard]] Time error_of(Time tick) const noexcept;
   void shift(std::int64_t by) noexcept;
+
+  void take_up(Time tick, Time error) noexcept;
+  void turn(std::int64_t by) noexcept;
 
   static constexpr unsigned kFraction = 16;  ///< bits of a nanosecond
 
@@ -68,8 +80,13 @@ class ServoLock {
   Time period_{0};  ///< of the servo clock, nominal
   Time ahead_{0};   ///< a tick comes this long after the start of a pattern
   Time last_tick_{0};
+  Time heard_at_{0};         ///< the last tick that did not coast
+  Time off_until_{-kNever};  ///< the grid was put off at once until then
+  Time excused_{0};          ///< by so much since the last tick
   State state_ = State::waiting;
   std::uint8_t votes_ = 0;  ///< ticks in a row that speak for another state
+  std::uint8_t mute_ = 0;   ///< so many more say nothing of the rate
+  bool coasting_ = false;   ///< the last one has
 };
 
 }  // namespace tm485
