@@ -25,6 +25,7 @@ std::expected<void, Errc> ResetRun::start(ResetKind kind) noexcept {
   result_ = {};
   result_.kind = kind;
   outcome_.reset();
+  cause_ = Errc::timeout;
   return {};
 }
 
@@ -100,6 +101,7 @@ void ResetRun::look_before(const Frame& frame, Time now) noexcept {
     result_.abs_before = frame.abs();
     result_.turns_before = turns_of(frame);
     result_.status_before = frame.status();
+    seen_at_ = now;
     window_end_ = now + config_.window;
   }
   if (kind_ != ResetKind::zero) return begin_run(now);
@@ -125,13 +127,19 @@ void ResetRun::judge(const Frame& frame, Time now) noexcept {
     return at_zero ? end(ResetVerdict::verified) : end(ResetVerdict::refused, Errc::reset_without_effect);
   }
   if (kind_ == ResetKind::multi_turn && p.multi_turn_bits != 0) {
-    const std::int64_t turns = std::int64_t{result_.turns_after} - p.multi_turn_start;
-    const std::int64_t off = turns < 0 ? -turns : turns;
+    const auto distance = [&](std::int32_t from) {
+      const std::uint32_t turns =
+          static_cast<std::uint32_t>(result_.turns_after) - static_cast<std::uint32_t>(from);
+      const std::int64_t signed_turns = Frame::sign_extend(turns, p.multi_turn_bits);
+      return signed_turns < 0 ? -signed_turns : signed_turns;
+    };
     // A shaft that stands on the seam of two turns may have crossed it.
-    if (off > 1) {
-      if (off > 1 + turns_since(done_at_, now)) return end(ResetVerdict::refused, Errc::reset_without_effect);
+    const std::int64_t off = distance(p.multi_turn_start);
+    if (off > 1 + turns_since(done_at_, now)) return end(ResetVerdict::refused, Errc::reset_without_effect);
+    // What no shaft has made is the reset; otherwise they say neither yes nor no.
+    const bool changed = distance(result_.turns_before) > 1 + turns_since(seen_at_, now);
+    if (off > 1 && !changed)
       return result_.runs < config_.most_runs ? begin_run(now) : end(ResetVerdict::failed, cause_);
-    }
   }
   // What the document reserves is no alarm.
   const StatusSet reserved = p.reserved_status;

@@ -191,18 +191,31 @@ TEST_F(ResetSteps, TurnsBackAtTheirStartOrBesideIt) {
 // that they were not. So they are reset once more.
 TEST_F(ResetSteps, TurnsThatAreReadBackLateAreResetAgain) {
   ASSERT_TRUE(run->start(ResetKind::multi_turn));
-  answer(ask(), 0, 700);
+  answer(ask(), 0, 20);
   ten();
   for (int i = 0; i < 4; ++i) fail();  // three at once, then after 250 ms
   EXPECT_GT(run->due(), now + ms(200));
-  answer(ask(), 0, 13);  // 3000 rpm
+  answer(ask(), 0, 13);  // 3000 rpm up from the first, or 1700 down
   EXPECT_TRUE(run->needs_line());
   ten();
   answer(ask(), 0, 1);
   EXPECT_EQ(outcome().verdict, ResetVerdict::verified);
   EXPECT_EQ(outcome().runs, 2);
-  EXPECT_EQ(outcome().turns_before, 700);
+  EXPECT_EQ(outcome().turns_before, 20);
   EXPECT_EQ(outcome().turns_after, 1);
+}
+
+TEST_F(ResetSteps, TurnsThatNoShaftCanHaveMadeWereReset) {
+  for (const std::uint32_t before : {700U, 0x8001U}) {  // on the other side of all turns too
+    run.emplace(profile);
+    ASSERT_TRUE(run->start(ResetKind::multi_turn));
+    answer(ask(), 0, before);
+    ten();
+    for (int i = 0; i < 4; ++i) fail();
+    answer(ask(), 0, 13);
+    EXPECT_EQ(outcome().verdict, ResetVerdict::verified) << before;
+    EXPECT_EQ(outcome().runs, 1);
+  }
 }
 
 TEST_F(ResetSteps, TurnsThatNoShaftCanHaveMadeSinceWereNotReset) {
@@ -223,8 +236,12 @@ TEST_F(ResetSteps, TurnsThatNoShaftCanHaveMadeSinceWereNotReset) {
 }
 
 TEST_F(ResetSteps, TurnsThatAreReadBackLateEveryTimeAreNotCalledReset) {
+  // What ended an earlier run says nothing of this one.
+  ASSERT_TRUE(run->start(ResetKind::errors));
+  (void)ask();
+  run->on_refused(Errc::no_gap, now);
   ASSERT_TRUE(run->start(ResetKind::multi_turn));
-  answer(ask(), 0, 700);
+  answer(ask(), 0, 20);
   for (int runs = 0; runs < 5; ++runs) {
     ten();
     for (int i = 0; i < 4; ++i) fail();

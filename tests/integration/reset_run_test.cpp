@@ -226,6 +226,39 @@ TEST_F(ResetRunTest, ALookThatHasToWaitLeavesTheCycleAlone) {
   EXPECT_EQ(reset->outcome()->verdict, ResetVerdict::verified);
 }
 
+// An owner that sleeps exactly as it is told: what the bus has answered before the run gave the line back is no longer true.
+TEST_F(ResetRunTest, TheLineIsUsedAgainAsSoonAsTheRunGivesItBack) {
+  for (const ResetKind kind : {ResetKind::errors, ResetKind::zero, ResetKind::multi_turn}) {
+    now += ms(100);
+    begin({}, sim::MotionProfile::constant(0.0, 0.3));
+    ASSERT_TRUE(reset->start(kind));
+    Time longest_look{0};
+    Time before = now;
+    std::uint32_t records = bus->record_count();
+    Time ended = kNever;
+    while (now < ended + ms(10)) {
+      const Time due = bus->poll(now);
+      const Time asked = drive(*reset, *bus, now);
+      if (bus->record_count() != records) {
+        records = bus->record_count();
+        if (reset->active() && !reset->holds_cycle())
+          longest_look = std::max(longest_look, bus->last_record().start - before);
+        before = bus->last_record().start;
+      }
+      if (!reset->active() && ended == kNever) ended = now;
+      const Time event = line->next_event();
+      const Time next = std::min({due, asked, event > now ? event : kNever});
+      in_place_ = next > now ? 0 : in_place_ + 1;
+      ASSERT_LT(in_place_, 100) << "no progress";
+      now = std::max(now, next);
+    }
+    EXPECT_EQ(reset->outcome()->verdict, ResetVerdict::verified);
+    EXPECT_LE(longest_look, us(300)) << "between two exchanges, but for the ten and their time to settle";
+    EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+    EXPECT_LT(now, ended + ms(11));
+  }
+}
+
 // A place that is never given back: bounded.
 TEST_F(ResetRunTest, APlaceThatStaysTakenEndsIt) {
   begin({}, {}, Pattern(Cycle{DataId::everything, us(150)}));
@@ -236,6 +269,25 @@ TEST_F(ResetRunTest, APlaceThatStaysTakenEndsIt) {
   EXPECT_EQ(outcome.code, Errc::busy);
   EXPECT_LT(now - begun, std::chrono::seconds(10));
   EXPECT_EQ(requests(7), 0U);
+}
+
+// The ten were sent, and then nothing can be read back: the origin may have moved all the same.
+TEST_F(ResetRunTest, APlaceThatIsTakenBeforeItIsReadBackEndsItWithAStartUp) {
+  begin({}, sim::MotionProfile::constant(0.0, 0.3), Pattern(Cycle{DataId::everything, us(150)}));
+  const std::uint32_t startups = bus->statistics().startups;
+  ASSERT_TRUE(reset->start(ResetKind::zero));
+  const Time end = now + std::chrono::seconds(20);
+  while (!reset->needs_line() && now < end) step();
+  ASSERT_TRUE(bus->offer(*Request::make(DataId::encoder_id), 1));
+  while (reset->active() && now < end) step();
+  EXPECT_EQ(reset->outcome()->verdict, ResetVerdict::failed);
+  EXPECT_EQ(reset->outcome()->code, Errc::busy);
+  EXPECT_EQ(model->statistics().resets_done, 1U);
+  EXPECT_NE(bus->latest().quality(), Quality::fresh);
+  for (const Time limit = now + ms(100); now < limit;) step();
+  EXPECT_EQ(bus->statistics().startups, startups + 1);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+  EXPECT_EQ(bus->statistics().discontinuities, 0U) << "nothing was taken for a step of the shaft";
 }
 
 TEST_F(ResetRunTest, OneAtATime) {

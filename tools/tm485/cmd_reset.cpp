@@ -162,7 +162,9 @@ int run_reset(const ResetOptions& options) {
   if (const auto yes = ask(options, intent(kind, present->frame(), profile)); !yes)
     return report(yes.error());
 
-  ResetRun run(session.profile());
+  ResetConfig config;
+  config.max_speed_rpm = session.axis().max_speed_rpm;
+  ResetRun run(session.profile(), config);
   if (const auto begun = run.start(kind); !begun) return report(problem_of(begun.error()));
   // Not longer than some seconds, whatever the line does; Ctrl-C waits for its end, so that its effect is known.
   while (true) {

@@ -38,9 +38,9 @@ void tm485_reset_config_default(tm485_reset_config* config) {
   *config = {.window = usual.window.count(),
              .standstill = usual.standstill,
              .tolerance = usual.tolerance,
-             .max_speed_rpm = usual.max_speed_rpm,
              .most_runs = usual.most_runs,
-             .reserved = {}};
+             .reserved = {},
+             .max_speed_rpm = usual.max_speed_rpm};
 }
 
 tm485_errc tm485_reset_init(tm485_reset* reset, const tm485_profile* profile,
@@ -48,11 +48,12 @@ tm485_errc tm485_reset_init(tm485_reset* reset, const tm485_profile* profile,
   if (reset == nullptr || profile == nullptr || !aligned(reset)) return TM485_ERR_BAD_ARGUMENT;
   tm485::ResetConfig converted;
   if (config != nullptr) {
-    converted = {.standstill = config->standstill,
-                 .window = Time{config->window},
-                 .tolerance = config->tolerance,
-                 .max_speed_rpm = config->max_speed_rpm,
-                 .most_runs = config->most_runs};
+    converted = {
+        .standstill = config->standstill,
+        .window = Time{config->window},
+        .tolerance = config->tolerance,
+        .max_speed_rpm = config->max_speed_rpm != 0 ? config->max_speed_rpm : converted.max_speed_rpm,
+        .most_runs = config->most_runs};
   }
   ::new (static_cast<void*>(reset->storage)) tm485::ResetRun(profile_in(profile), converted);
   return TM485_OK;

@@ -139,6 +139,7 @@ class Bus {
   /// held from the first exchange on. Again: replaces the hold before. Ends by itself with a start-up.
   void hold_line(Time until, LineHold hold) noexcept;
   void release_line(Time now) noexcept;
+  [[nodiscard]] bool line_held() const noexcept { return hold_ != LineHold::none; }
 
   /// Asks for one background exchange: a reset request goes before the next cyclic one, everything else into the
   /// free time of the pattern (or see BusConfig::steal_every). One of each class (Priority) can wait. Errors:

@@ -198,7 +198,7 @@ void Bus<P>::release_line(Time now) noexcept {
   if (hold_ == LineHold::none) return;
   hold_ = LineHold::none;
   if (scheduler_ && state_ == BusState::running)
-    saturating_increment(statistics_.displaced, scheduler_->give_way(now));
+    saturating_increment(statistics_.displaced, scheduler_->give_way(std::max(now, spacing_.earliest())));
 }
 
 template <Port P>

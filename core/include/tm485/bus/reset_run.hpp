@@ -27,8 +27,8 @@ struct ResetConfig {
   Time window = std::chrono::milliseconds(50);
   /// zero: read back within this of 0, in counts. 0: four times `standstill`.
   std::uint32_t tolerance = 0;
-  /// multi_turn: so fast the shaft may turn until the turns are read back. If noise puts that off, and they are no longer beside
-  /// their start value but could have been, they are reset again.
+  /// multi_turn: so fast the shaft may turn. Turns that are no longer beside their start value when they are read back, because
+  /// noise has put that off, are reset again, unless the shaft cannot have come to them from where it was before.
   std::int32_t max_speed_rpm = 6'000;
   std::uint8_t most_runs =
       5;  ///< a run that was interrupted, or read back too late, starts again, so often in all
@@ -101,6 +101,7 @@ class ResetRun {
   std::uint8_t busy_looks_ = 0;
   Time wait_until_{0};
   Time window_end_{0};
+  Time seen_at_{0};             ///< what it was before
   Time done_at_{0};             ///< the tenth was answered
   Errc cause_ = Errc::timeout;  ///< of the last failure
   ResetOutcome result_;
@@ -110,9 +111,17 @@ class ResetRun {
 /// Of its requests, beside those of an Axis, which count from 1.
 inline constexpr std::uint32_t kResetRunTicket = 0xFFFF'FF01;
 
+/// The end of a run that has kept the cycle from the line.
+template <Port P>
+Time give_back(const ResetRun& run, Bus<P>& bus, Time now) noexcept {
+  bus.release_line(now);
+  bus.on_reset(*run.outcome(), now);
+  return now;
+}
+
 /// Moves a run on by what the bus has for it, and gives the bus what is next. In the bus's context, after each poll.
 /// Answers when to poll the bus and call again at the latest: not after `now` if it has
-/// offered something.
+/// offered something, or given the line back.
 template <Port P>
 Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
   if (run.under_way()) {
@@ -120,10 +129,7 @@ Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
     if (!completion) return kNever;
     const bool held = run.holds_cycle();
     run.on_completion(*completion, now);
-    if (held && !run.active()) {
-      bus.release_line(now);
-      bus.on_reset(*run.outcome(), now);
-    }
+    if (held && !run.active()) return give_back(run, bus, now);
   }
   if (const auto request = run.next(now)) {
     // For a look before the run one slot is enough; the run itself, and what follows, keep the cycle off the line.
@@ -133,10 +139,15 @@ Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
                   run.needs_line() ? LineHold::resets_only : LineHold::no_cycle);
     const auto offered = bus.offer(*request, kResetRunTicket);
     if (offered) return now;
+    const bool held = run.holds_cycle();
     run.on_refused(offered.error(), now);
+    if (held && !run.active()) return give_back(run, bus, now);
   }
-  // Also of a look that has to wait: nothing of it is on the line.
-  if (!run.under_way() && !run.holds_cycle()) bus.release_line(now);
+  // Also of a look that has to wait: nothing of it is on the line. What the bus has answered before holds no longer.
+  if (!run.under_way() && !run.holds_cycle() && bus.line_held()) {
+    bus.release_line(now);
+    return now;
+  }
   return run.due();
 }
 

@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 /* A run, in storage of the caller's. It must stay where it is. */
-#define TM485_RESET_SIZE 136
+#define TM485_RESET_SIZE 144
 typedef union tm485_reset {
   uint64_t align;
   unsigned char storage[TM485_RESET_SIZE];
@@ -52,12 +52,12 @@ typedef struct tm485_reset_outcome {
 } tm485_reset_outcome;
 
 typedef struct tm485_reset_config {
-  tm485_time window;     /* zero: the shaft stands still if it moves by no more than `standstill` over this */
-  uint32_t standstill;   /* counts; 0: 2^-15 of a turn, at least 2 */
-  uint32_t tolerance;    /* zero: read back within this of 0, in counts; 0: four times `standstill` */
-  int32_t max_speed_rpm; /* multi-turn: what it can have turned by when read back late is reset again */
-  uint8_t most_runs; /* a run that was interrupted, or read back too late, starts again, so often in all */
+  tm485_time window;   /* zero: the shaft stands still if it moves by no more than `standstill` over this */
+  uint32_t standstill; /* counts; 0: 2^-15 of a turn, at least 2 */
+  uint32_t tolerance;  /* zero: read back within this of 0, in counts; 0: four times `standstill` */
+  uint8_t most_runs;   /* a run that was interrupted, or read back too late, starts again, so often in all */
   uint8_t reserved[3];
+  int32_t max_speed_rpm; /* multi-turn: what turns that are read back late can be; 0: 6000 */
 } tm485_reset_config;
 /* 50 ms, 6000 rpm, five runs. Any; constant time. */
 void tm485_reset_config_default(tm485_reset_config* config);
