@@ -184,7 +184,7 @@ bool FaultPlayer::on_own(Burst& burst) noexcept {
   const bool meets = speaks && (foreign || speaker_->broke_in != cycles_);
   if (speaks && foreign) {
     ++speaker_->hits;
-    effects_.last_talker = std::max(effects_.last_talker, burst.driver_off);
+    talker_until_ = std::max(talker_until_, burst.driver_off);
   }
   if (speaks) touch(burst.driver_off, meets);
   if (speaks) on_line_until_ = std::max(on_line_until_, burst.driver_off);
@@ -203,6 +203,7 @@ bool FaultPlayer::on_burst(Burst& burst) noexcept {
   if (burst.talker == Talker::host) {
     // What is still on the line from before meets this exchange.
     effects_.touched = effects_.bits_changed = effects_.mixed = on_line_until_ > burst.driver_on;
+    effects_.talker_before = talker_until_;
     if (burst.start >= next_window_ || cycles_ >= next_window_cycle_) [[unlikely]]
       look_at_windows(burst.start);
     ++cycles_;

@@ -53,7 +53,6 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       turn_(std::int64_t{1} << profile.profile().single_turn_bits),
       uncertain_(most_turned(profile, profile.profile().latch_uncertainty)),
       earlier_(setup.latency + kLongestExchange),
-      turned_earlier_(most_turned(profile, earlier_)),
       stopping_(stopping(profile)),
       clear_since_(encoder.model().config().boot_time) {}
 
@@ -183,14 +182,25 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   constexpr unsigned kInARow = 3;
   const unsigned turns_in_a_row = mixed_ ? kTellTurns : kInARow;
   const bool again = wrong_in_a_row_ >= kInARow || wrong_turns_in_a_row_ >= turns_in_a_row;
-  // Where bytes come late, the reply to what somebody else has asked just before may be the first to come.
-  const bool not_ours =
-      slow_ && effects.last_talker >= sample.latch_time() - earlier_ && off <= stated + turned_earlier_;
+  const bool not_ours = may_be_somebody_elses(sample);
   const bool unknowable = (!clean && again) || (effects.frozen && could_stand_) || not_ours;
   if (!unknowable) return fail(Rule::position, now, off, allowed);
   ++totals_.beyond;
   could_stand_ = could_stand_ || !not_ours;  // and goes on to look so, even when the shaft passes by
   return true;
+}
+
+/// Where bytes come late, the reply to what somebody else has asked just before the request may be the first to come. It is where
+/// the shaft was when that was asked.
+bool Judge::may_be_somebody_elses(const Sample& sample) const noexcept {
+  const Time from = sample.latch_time() - earlier_;
+  if (!slow_ || effects_->talker_before < from) return false;
+  constexpr std::int64_t kBent = 16;  // counts that a shaft can be beyond both, turning about in between
+  const std::int64_t margin = static_cast<std::int64_t>(sample.half_width()) + kBent;
+  const std::int64_t then = encoder_->model().shaft_counts(from) + carried_;
+  const std::int64_t now = encoder_->model().shaft_counts(sample.latch_time()) + carried_;
+  return sample.position() >= std::min(then, now) - margin &&
+         sample.position() <= std::max(then, now) + margin;
 }
 
 void Judge::count_recovery(Time since) noexcept {

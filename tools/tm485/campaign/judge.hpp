@@ -123,6 +123,8 @@ class Judge {
       if (sample.position() - carried_ == latch.counts && latched_at(latch, sample) &&
           sample.half_width() >= kQuantisation) [[likely]] {
         count_wrong(false, id_);
+        // Turns of its own, and they are those that were carried on.
+        carried_doubtful_ = carried_doubtful_ && id_ != DataId::everything;
         return true;
       }
     } else if (effects.bits_changed) {
@@ -153,6 +155,7 @@ class Judge {
   void on_frozen(const Sample& sample, Time before) noexcept;
   [[nodiscard]] bool on_position(const Sample& sample, Time now) noexcept;
   [[nodiscard]] bool frame_is_broken() const noexcept;
+  [[nodiscard]] bool may_be_somebody_elses(const Sample& sample) const noexcept;
   /// What the encoder calls 0, in counts of the shaft: a reset or a restart moves it.
   [[nodiscard]] std::int64_t origin(Time at) const noexcept {
     return encoder_->model().shaft_counts(at) - shaft_.counts(at, bits_);
@@ -215,9 +218,8 @@ class Judge {
   Time startup_bound_;
   std::int64_t turn_;
   std::int64_t uncertain_;  // counts that the shaft turns in the uncertainty of the latch
-  Time earlier_;  // by so much the reply can be older that a slow port takes for that to its request
-  std::int64_t turned_earlier_;  // counts, likewise
-  double stopping_;              // the greatest acceleration, in counts per ns^2
+  Time earlier_;     // by so much the reply can be older that a slow port takes for that to its request
+  double stopping_;  // the greatest acceleration, in counts per ns^2
   Time clear_since_;
   Time cycle_seen_{0};  // when the last one ended
   Time fresh_latch_{0};

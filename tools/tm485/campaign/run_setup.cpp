@@ -142,7 +142,7 @@ Time length_of(const RunSetup& setup) {
 /// A clock of the pattern's length, or of a few of them, or some of it in one pattern.
 void draw_servo(Dice& dice, RunSetup& setup) {
   const Time length = length_of(setup.pattern);
-  const std::int64_t times = 1 + dice.below(4);
+  const std::int64_t times = 1 + dice.below(8);
   const bool slower = dice.once_in(2) || length.count() % times != 0 || length / times < microseconds(40);
   ServoDraw servo;
   servo.clock.period = slower ? length * times : length / times;
@@ -236,10 +236,15 @@ sim::SimOptions RunSetup::sim_options() const {
   return options;
 }
 
+Time RunSetup::position_period() const noexcept {
+  std::int64_t positions = 0;
+  for (std::size_t k = 0; k < pattern.size(); ++k) positions += has_position(pattern.step(k).id) ? 1 : 0;
+  return length_of(pattern) / std::max<std::int64_t>(positions, 1);
+}
+
 std::optional<EstimatorGains> RunSetup::gains() const {
   if (bandwidth == 0.0) return std::nullopt;
-  // From one position to the next, as the pattern has it.
-  const Time period = length_of(pattern) / static_cast<std::int64_t>(pattern.size());
+  const Time period = position_period();
   const auto design = design::solve_for_bandwidth({.order = 3, .period = period},
                                                   bandwidth * 1e9 / static_cast<double>(period.count()));
   return design ? std::optional(design->gains) : std::nullopt;
@@ -261,7 +266,7 @@ RunSetup draw_run(std::uint64_t seed, std::uint64_t run, std::uint64_t cycles,
   setup.axis = dice.once_in(4);
   if (setup.axis) {
     setup.after_restart = static_cast<Continuity>(dice.below(3));
-    setup.bandwidth = dice.once_in(2) ? 1.0 / 16.0 : 0.0;
+    setup.bandwidth = dice.once_in(2) ? 1.0 / 8.0 : 0.0;
     if (dice.once_in(3)) draw_servo(dice, setup);
   }
   setup.motion = draw_motion(dice);

@@ -66,6 +66,8 @@ struct RunSetup {
   [[nodiscard]] Time position_time() const noexcept;
   /// For so many of them, with the slots that the background may take meanwhile.
   [[nodiscard]] Time time_of_positions(int positions) const noexcept;
+  /// From one position to the next, on average.
+  [[nodiscard]] Time position_period() const noexcept;
   /// Of the estimator, if there is one.
   [[nodiscard]] std::optional<EstimatorGains> gains() const;
   /// Writes to the EEPROM of this encoder keep everything else from the line.

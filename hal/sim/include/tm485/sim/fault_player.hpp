@@ -25,10 +25,10 @@ class Line;
 /// What the plan has done to the exchange under way, and lately: for whoever judges the host.
 struct FaultEffects {
   Time last = -kNever;  ///< until when a fault has had an effect; kNever while one lasts with no known end
-  Time last_change = -kNever;  ///< likewise, of one that has changed bits or put some on the line
-  Time last_talker = -kNever;  ///< until when somebody else has spoken
-  bool touched = false;        ///< this exchange, in any way
-  bool bits_changed = false;   ///< in its request or its reply
+  Time last_change = -kNever;    ///< likewise, of one that has changed bits or put some on the line
+  Time talker_before = -kNever;  ///< until when somebody else had spoken when this request left
+  bool touched = false;          ///< this exchange, in any way
+  bool bits_changed = false;     ///< in its request or its reply
   bool mixed = false;  ///< likewise, by another talker, a distortion, the rest of an earlier reply or an echo
   bool frozen = false;     ///< the encoder's sensor stands still
   bool restarted = false;  ///< the effect that `last` speaks of is a restart: the encoder has booted by then
@@ -112,6 +112,7 @@ class FaultPlayer final : public FaultHook {
   Time next_restart_ = kNever;
   Time restarted_until_ = -kNever;
   Time on_line_until_ = -kNever;  // what faults have put there, or delayed
+  Time talker_until_ = -kNever;   // somebody else
   Fault* speaker_ = nullptr;
   bool echoes_ = false;
   bool broken_ = false;    // the burst under way has been broken in two
