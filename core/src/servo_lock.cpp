@@ -7,6 +7,8 @@ namespace {
 
 constexpr int kPhaseShift = 3;          // an eighth of the error moves the start
 constexpr std::int64_t kRateShift = 8;  // a 256th changes the length
+constexpr std::uint8_t kTaught = 200;   // ticks behind which the rate is nearly known
+constexpr std::int64_t kCalm = 8;       // then an eighth of that: what jitter taught runs through a hold
 constexpr std::uint8_t kVotes = 8;      // ticks in a row that change the state
 constexpr std::int64_t kMostGain =
     4096;  // of an error at most a 16th a pattern, however many ticks a pattern has
@@ -83,6 +85,7 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
     state_ = State::seeking;
     votes_ = 0;
     mute_ = 0;
+    taught_ = 0;
     coasting_ = false;
     heard_at_ = tick;
     return std::nullopt;
@@ -107,7 +110,8 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
   } else if (mute_ != 0) {
     --mute_;
   } else {
-    turn(heard.count() * rate_gain_);
+    turn(heard.count() * rate_gain_ / (taught_ == kTaught ? kCalm : 1));
+    if (taught_ != kTaught) ++taught_;
   }
   coasting_ = false;
   heard_at_ = tick;

@@ -1,9 +1,9 @@
 // ServoLock: keeps the pattern's start at a given phase of a servo clock, whatever the two clocks' drift.
 //
 // A second-order loop. The oscillator is the grid itself: the start of the pattern plus its length. Each tick tells
-// by how much the start is off; an eighth of it moves the start, a 256th the length (of a pattern with many ticks at most
-// a sixteenth in all: they tell one error again and again before it is corrected once). A tick that was stamped late
-// (an interrupt that waited) counts at most for a sixteenth of the period. Nothing here knows T1: the grid may ask
+// by how much the start is off; an eighth of it moves the start, a 256th the length, a 2048th once 200 have done so (of a
+// pattern with many ticks at most a sixteenth in all: they tell one error again and again before it is corrected once). A
+// tick that was stamped late (an interrupt that waited) counts at most for a sixteenth of the period. Nothing here knows T1: the grid may ask
 // for what it likes, RequestSpacing keeps T1. Specification: section 4.
 #pragma once
 
@@ -84,9 +84,10 @@ class ServoLock {
   Time off_until_{-kNever};  ///< the grid was put off at once until then
   Time excused_{0};          ///< by so much since the last tick
   State state_ = State::waiting;
-  std::uint8_t votes_ = 0;  ///< ticks in a row that speak for another state
-  std::uint8_t mute_ = 0;   ///< so many more say nothing of the rate
-  bool coasting_ = false;   ///< the last one has
+  std::uint8_t votes_ = 0;   ///< ticks in a row that speak for another state
+  std::uint8_t mute_ = 0;    ///< so many more say nothing of the rate
+  std::uint8_t taught_ = 0;  ///< so many have told the rate since the first, kTaught at most
+  bool coasting_ = false;    ///< the last one has
 };
 
 }  // namespace tm485
