@@ -28,10 +28,10 @@ struct ResetConfig {
   /// zero: read back within this of 0, in counts. 0: four times `standstill`.
   std::uint32_t tolerance = 0;
   /// multi_turn: so fast the shaft may turn. Turns that are no longer beside their start value when they are read back, because
-  /// noise has put that off, are reset again, unless the shaft cannot have come to them from where it was before.
+  /// noise has put that off, are reset again, unless the shaft cannot have come to them from where it was before. At least 1.
   std::int32_t max_speed_rpm = 6'000;
-  std::uint8_t most_runs =
-      5;  ///< a run that was interrupted, or read back too late, starts again, so often in all
+  /// A run that was interrupted, or whose turns were read back too late, starts again, so often in all.
+  std::uint8_t most_runs = 5;
 };
 
 /// One owner: the context of the bus. Every function: constant time.

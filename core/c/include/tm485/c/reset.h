@@ -57,7 +57,8 @@ typedef struct tm485_reset_config {
   uint32_t tolerance;  /* zero: read back within this of 0, in counts; 0: four times `standstill` */
   uint8_t most_runs;   /* a run that was interrupted, or read back too late, starts again, so often in all */
   uint8_t reserved[3];
-  int32_t max_speed_rpm; /* multi-turn: what turns that are read back late can be; 0: 6000 */
+  /* multi-turn: so fast the shaft may turn, for turns that are read back late; 0: 6000, below: 1 */
+  int32_t max_speed_rpm;
 } tm485_reset_config;
 /* 50 ms, 6000 rpm, five runs. Any; constant time. */
 void tm485_reset_config_default(tm485_reset_config* config);
