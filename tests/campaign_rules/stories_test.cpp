@@ -285,5 +285,20 @@ TEST(Story, BackFromWrongTurnsTakesTwoRepliesThatTellThem) {
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
+// After 4 * 10^8 cycles: noise put the read-back of turns off by 250 ms, in which the shaft made 17 of them. They were verified,
+// rightly: from the 57 of before it cannot have come there. The judge wanted them below three.
+TEST(Story, TurnsThatAreReadBackLateHaveGoneOn) {
+  RunSetup setup;
+  setup.profile = "tformat_17_battery";
+  setup.pattern = Cycle{DataId::everything, Time{62'500}};
+  setup.background = Background::resets;
+  setup.steal_every = 2;
+  setup.motion = "motion=constant:3896,start=2.44";
+  const RunResult result =
+      again(setup, 20261122, 19637, "stuck column=7 value=1 from=1244329us until=1248913us seed=4198802");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+  EXPECT_GT(result.totals.resets_verified, 0u);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -39,6 +39,10 @@ class ResetTasks {
     }
     const bool held = run_->holds_cycle();
     const Time due = tm485::drive(*run_, bus, now);
+    if (done() != last_done_) {
+      last_done_ = done();
+      done_at_ = now;
+    }
     // A look takes the line for 200 us at most, a run until the cycle goes on; this is called again within a millisecond.
     constexpr Time kOneLook{200'000};
     if (run_->holds_cycle()) {
@@ -113,7 +117,10 @@ class ResetTasks {
     const unsigned bits = profile_->profile().single_turn_bits;
     const std::int64_t turn = std::int64_t{1} << bits;
     const std::int64_t counts = encoder_->model().shaft_counts(now);
-    if (run_->kind() == ResetKind::multi_turn) return std::abs(counts) < 3 * turn;
+    if (run_->kind() == ResetKind::multi_turn) {
+      constexpr Time kTurn = std::chrono::milliseconds(10);  // at 6000 rpm
+      return std::abs(counts) < (3 + (now - done_at_) / kTurn) * turn;
+    }
     if (run_->kind() != ResetKind::zero) return true;
     const std::int64_t within = ((counts % turn) + turn) % turn;
     constexpr std::int64_t kPartOfTurn = 4'096;
@@ -127,7 +134,9 @@ class ResetTasks {
   bool alarms_;  // are in the plan
   bool frozen_;  // likewise
   std::optional<ResetRun> run_;
-  std::uint64_t done_ = 0;
+  std::uint64_t done_ = 0;  // when it began
+  std::uint64_t last_done_ = 0;
+  Time done_at_{0};  // the last one
   Time begun_{0};
   Time next_ = std::chrono::milliseconds(100);
   bool ok_ = true;
