@@ -111,25 +111,23 @@ class ResetRun {
 /// Of its requests, beside those of an Axis, which count from 1.
 inline constexpr std::uint32_t kResetRunTicket = 0xFFFF'FF01;
 
-/// The end of a run that has kept the cycle from the line.
-template <Port P>
-Time give_back(const ResetRun& run, Bus<P>& bus, Time now) noexcept {
-  bus.release_line(now);
-  bus.on_reset(*run.outcome(), now);
-  return now;
-}
-
 /// Moves a run on by what the bus has for it, and gives the bus what is next. In the bus's context, after each poll.
 /// Answers when to poll the bus and call again at the latest: not after `now` if it has
 /// offered something, or given the line back.
 template <Port P>
 Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
+  // The end of a run that has kept the cycle from the line.
+  const auto give_back = [&] {
+    bus.release_line(now);
+    bus.on_reset(*run.outcome(), now);
+    return now;
+  };
   if (run.under_way()) {
     const auto completion = bus.take_completion(run.priority(), kResetRunTicket);
     if (!completion) return kNever;
     const bool held = run.holds_cycle();
     run.on_completion(*completion, now);
-    if (held && !run.active()) return give_back(run, bus, now);
+    if (held && !run.active()) return give_back();
   }
   if (const auto request = run.next(now)) {
     // For a look before the run one slot is enough; the run itself, and what follows, keep the cycle off the line.
@@ -141,7 +139,7 @@ Time drive(ResetRun& run, Bus<P>& bus, Time now) noexcept {
     if (offered) return now;
     const bool held = run.holds_cycle();
     run.on_refused(offered.error(), now);
-    if (held && !run.active()) return give_back(run, bus, now);
+    if (held && !run.active()) return give_back();
   }
   // Also of a look that has to wait: nothing of it is on the line. What the bus has answered before holds no longer.
   if (!run.under_way() && !run.holds_cycle() && bus.line_held()) {

@@ -3,8 +3,8 @@
 // A second-order loop. The oscillator is the grid itself: the start of the pattern plus its length. Each tick tells
 // by how much the start is off; an eighth of it moves the start, a 256th the length, a 2048th once 200 have done so (of a
 // pattern with many ticks at most a sixteenth in all: they tell one error again and again before it is corrected once). A
-// tick that was stamped late (an interrupt that waited) counts at most for a sixteenth of the period. Nothing here knows T1: the grid may ask
-// for what it likes, RequestSpacing keeps T1. Specification: section 4.
+// tick that was stamped late (an interrupt that waited) counts at most for a sixteenth of the period. Nothing here knows T1:
+// the grid may ask for what it likes, RequestSpacing keeps T1. Specification: section 4.
 #pragma once
 
 #include <cstdint>
