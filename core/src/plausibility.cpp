@@ -174,8 +174,14 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
   }
   const bool any = missed_ < kFewMissed || !narrow_;
   if (go_on(track_, reading, any ? kNoLimit : fine_)) [[likely]] {
-    if (candidate_.length != 0 && !differs_by_turns(reading)) [[unlikely]]
-      candidate_.length = 0;
+    if (candidate_.length != 0) [[unlikely]] {
+      // What fits to both counts here too: one reply that told other turns is not enough for them any more.
+      if (!differs_by_turns(reading)) {
+        candidate_.length = 0;
+      } else if (both_ == 0) {
+        both_ = 1;
+      }
+    }
     missed_ = 0;
     return GateVerdict::accepted;
   }
@@ -216,12 +222,14 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
     turnless = lacks_turns();
     agreed = agrees(reading, turnless);
   }
+  constexpr std::uint8_t kTellTurns = 2;
+  // It goes on from a row whose turns are in doubt, and is elsewhere itself: a row without them begins.
+  if (both_ != 0 && told_ < kTellTurns && !told && !inside) agreed = false;
   if (!agreed) {
     begin(candidate_, reading);
     turnless = turnless_ = !told && !inside;
     told_ = both_ = 0;
   }
-  constexpr std::uint8_t kTellTurns = 2;
   if (told && told_ < kTellTurns) ++told_;
   if (both && agreed && both_ < kAgreeInside) ++both_;
   inside_ = inside && (inside_ || !agreed);

@@ -355,6 +355,40 @@ TEST(PlausibilityGate, ARowOutsideDoesNotTakeTheTurnsOfOneInside) {
   EXPECT_EQ(gate.raw(), shaft() - kHalfATurn) << "it went down, as the reply with turns says";
 }
 
+// Found by the campaign (seed 20261122, run 67206): through a stuck column two ID0 and an ID3 were 128 counts off, the ID3 by turns
+// as well. Four more were where the shaft could be by then, and said nothing against the row; the first right one was not, and
+// made it four. One reply had told these turns, and the track had gone on without them.
+TEST(PlausibilityGate, TurnsOfOneReplyAreNotBelievedBehindReadingsThatFitWithoutThem) {
+  constexpr std::int64_t kOff = -128;
+  constexpr auto kOtherTurns = 32'640 * static_cast<std::int64_t>(kTurn);
+  for (const int fitting : {1, 2, 3, 4}) {
+    PlausibilityGate gate(kBits, limits());
+    gate.expect_every(test::us(180));
+    Time now{0};
+    const auto shaft = [&] {
+      return static_cast<std::int64_t>(static_cast<double>(now.count()) * -4.925e-3);
+    };
+    const auto judge = [&](std::int64_t off, Turns turns) {
+      const GateVerdict verdict = gate.judge({shaft() + off, now, Time{0}, turns});
+      EXPECT_LT(std::abs(gate.raw() - shaft()), 1'000) << "other turns";
+      now += test::us(45);
+      return verdict;
+    };
+    for (int k = 0; k < 20; ++k) ASSERT_EQ(judge(0, Turns::to_come), GateVerdict::accepted);
+    for (int k = 0; k < 2; ++k) ASSERT_EQ(judge(kOff, Turns::to_come), GateVerdict::held_back);
+    now += test::us(45);
+    ASSERT_EQ(judge(kOff + kOtherTurns, Turns::known), GateVerdict::held_back);
+    now += test::us(135);
+    for (int k = 0; k < fitting; ++k) ASSERT_EQ(judge(kOff, Turns::to_come), GateVerdict::accepted);
+    int held_back = 0;
+    for (int slot = fitting;
+         slot < 100 && judge(0, slot % 8 == 6 ? Turns::known : Turns::to_come) != GateVerdict::accepted;
+         ++slot)
+      ++held_back;
+    EXPECT_LE(held_back, 8) << fitting << ", for a reply with turns";
+  }
+}
+
 TEST(PlausibilityGate, NothingOverflowsAtTheEnds) {
   for (const unsigned bits : {1U, 17U, 23U, 24U}) {
     for (const std::int32_t rpm : {1, AxisConfig::kFastest}) {

@@ -141,7 +141,7 @@ class PlausibilityGate {
   bool last_told_ = false;      ///< the last one has them in its reply
   std::uint8_t told_ = 0;       ///< readings of the candidate that have, up to two
   std::uint8_t both_ =
-      0;  ///< readings of the candidate, up to kAgreeInside, that fit to the track but for its turns
+      0;  ///< since it began, up to kAgreeInside, that fit to the track too but for its turns
   Track track_;
   Track candidate_;
 };
