@@ -72,10 +72,7 @@ Time ServoLock::error_of(Time tick) const noexcept {
 }
 
 std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
-  if (state_ != State::waiting && tick - last_tick_ > period_ * kLostAfter) {
-    state_ = State::waiting;
-    votes_ = 0;
-  }
+  if (tick - last_tick_ > period_ * kLostAfter) state_ = State::waiting;
   last_tick_ = tick;
   excused_ = Time{0};
   const Time error = error_of(tick);
@@ -97,7 +94,6 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
   if (votes_ >= kVotes) {
     if (state_ == State::locked) {  // the servo clock has jumped
       state_ = State::waiting;
-      votes_ = 0;
       return error;
     }
     state_ = State::locked;

@@ -187,6 +187,33 @@ TEST(BusGroup, MembersOfOneSpanCanBeWokenInAnyOrder) {
   } while (std::next_permutation(order.begin(), order.end()));
 }
 
+// Whoever was woken has a place elsewhere from then on; the others are still where they were.
+TEST(BusGroup, OneThatIsWokenOutOfASpanLeavesTheOthersInIt) {
+  for (std::size_t woken = 0; woken < 3; ++woken) {
+    BusGroup<Asker, 4> group;
+    std::deque<Asker> members(4);
+    for (std::size_t i = 0; i < 4; ++i) {
+      members[i].answer = [i](Time now) {
+        if (now == Time{0}) return i == 3 ? us(20) : us(41) + ns(static_cast<int>(i));  // three in one span
+        return now == us(1) ? us(100) : kNever;
+      };
+      ASSERT_TRUE(group.add(members[i]));
+    }
+    Time now{0};
+    EXPECT_EQ(group.poll(now), us(20));
+    group.wake(woken);
+    now = us(1);
+    (void)group.poll(now);
+    run(group, now, ms(1));
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Time due = us(41) + ns(static_cast<int>(i));
+      const std::vector<Time> expected =
+          i == woken ? std::vector{ns(0), us(1), us(100)} : std::vector{ns(0), due};
+      EXPECT_EQ(members[i].polled, expected) << i << " with " << woken;
+    }
+  }
+}
+
 // Its neighbour of before is not that of the next span.
 TEST(BusGroup, AMemberWithANewPlaceIsWokenFromThere) {
   BusGroup<Asker, 3> group;

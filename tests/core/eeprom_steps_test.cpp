@@ -265,6 +265,22 @@ TEST_F(EepromSteps, ARefusalForWantOfAGapEndsItAnyOtherIsTriedAgain) {
   EXPECT_EQ(outcome().code, Errc::no_gap);
 }
 
+TEST_F(EepromSteps, APlaceThatStaysTakenIsAskedForMoreAndMoreRarelyAndNotForEver) {
+  std::array<std::uint8_t, 1> to{};
+  ASSERT_TRUE(manager->start_read(2, to));
+  const Time begun = now;
+  unsigned asked = 0;
+  for (; manager->active() && asked < 1'000; ++asked) {
+    now = std::max(now, manager->due());
+    (void)ask();
+    manager->on_refused(Errc::busy, now);
+  }
+  EXPECT_EQ(outcome().code, Errc::busy);
+  EXPECT_EQ(manager->progress().retries, asked);
+  EXPECT_GT(now - begun, ms(2'000)) << "twice the power-up time";
+  EXPECT_LT(now - begun, ms(2'100));
+}
+
 TEST_F(EepromSteps, RangesAndKnowledgeMustFit) {
   std::array<std::uint8_t, 2> to{};
   EXPECT_EQ(manager->start_read(kBytes - 1, to), std::unexpected(Errc::bad_argument));
