@@ -300,5 +300,24 @@ TEST(Story, TurnsThatAreReadBackLateHaveGoneOn) {
   EXPECT_GT(result.totals.resets_verified, 0u);
 }
 
+// After 1.6 * 10^9 cycles: a run of resets ended, and the loop looked before the axis had handed over that the sample was invalid,
+// in the same instant.
+TEST(Story, ALoopLooksBehindWhatIsDueAtOnce) {
+  RunSetup setup;
+  setup.profile = "tformat_23";
+  setup.pattern = Cycle{DataId::everything, Time{246'000}};
+  setup.axis = true;
+  setup.after_restart = Continuity::until_homed;
+  setup.servo =
+      ServoDraw{.clock = {.period = Time{49'200}, .lead = Time{65'416}}, .drift_ppm = 232, .tick_jitter = {}};
+  setup.background = Background::resets;
+  setup.motion = "motion=sine:0.3516:19,start=4.743";
+  const RunResult result = again(setup, 20261122, 79457,
+                                 "lose replies=0.07276861697923476 characters=0.00017623054026581517 "
+                                 "requests=0.0004320430370699626 seed=9103267; "
+                                 "talker every=603us characters=4 seed=5911665");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -83,7 +83,8 @@ struct Company {
       ok = ok && resets->ok();
     }
     if constexpr (requires { stack.client(); }) {
-      if (loop && ok && now >= loop->due()) ok = loop->on_tick(stack, judge, now);
+      // What is to be polled again at once has something to hand over yet.
+      if (loop && ok && now >= loop->due() && due > now) ok = loop->on_tick(stack, judge, now);
       if (loop) due = std::min(due, loop->due());
     }
     return due;
