@@ -111,6 +111,24 @@ TEST_F(BusTrust, ReReferencingOutlivesASecondRestartAndAFailedStartUp) {
   EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
 }
 
+// What start-up has read so far is no position of the axis's yet.
+TEST_F(BusTrust, ReReferencingOutlivesARestartInTheMiddleOfAStartUp) {
+  config.axis.after_restart = Continuity::re_reference;
+  begin_at_turn(7);
+  encoder.abm = 1;
+  bus->on_restart(driver.now);
+  driver.run(*bus, port, driver.now + ms(3'000), [&] {
+    const CycleRecord& record = bus->last_record();
+    return record.kind == CycleRecord::Kind::startup && record.id == DataId::everything &&
+           record.result == Errc::ok;
+  });
+  ASSERT_EQ(bus->state(), BusState::startup);
+  bus->on_restart(driver.now);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
+}
+
 // Found by the campaign (seed 105, run 4963): the highest bit of the turns was stuck for a while. Half of all turns is as far up as
 // down; both steps went the same way, and the position was wrong by 65536 turns for ever.
 TEST_F(BusTrust, AStepOfHalfOfAllTurnsAndBackEndsWhereItBegan) {
