@@ -109,7 +109,7 @@ class BasicEepromManager {
   [[nodiscard]] Time time_left() const noexcept;
   /// The page that the encoder has selected, if that is known.
   [[nodiscard]] std::optional<std::uint8_t> page() const noexcept {
-    return page_checked_ ? page_ : std::nullopt;
+    return page_looks_ == kPageLooks ? page_ : std::nullopt;
   }
 
   // The driver's side.
@@ -138,6 +138,7 @@ class BasicEepromManager {
   static constexpr std::uint8_t kMostTries = 12;    ///< of one request, in a row, before patience counts
   static constexpr std::uint8_t kMostRewrites = 6;  ///< of one byte
   static constexpr std::uint8_t kMostSelects = 6;   ///< of one page, in a row
+  static constexpr std::uint8_t kPageLooks = 2;     ///< that agree: a checksum can fit to a wrong reply
   static constexpr std::uint8_t kMostSweeps = 60;   ///< of pages, while one byte is dealt with
   static constexpr std::uint8_t kMostBusy = 200;    ///< looks at a busy EEPROM, kBusyPause apart
   static constexpr Time kBusyPause{500'000};
@@ -158,7 +159,7 @@ class BasicEepromManager {
   }
   /// The encoder may have restarted, or changed its page, since the page was looked at.
   void doubt_page() noexcept {
-    if constexpr (Discipline::kChecksPage) page_checked_ = false;
+    if constexpr (Discipline::kChecksPage) page_looks_ = 0;
   }
   void next_byte() noexcept;
   void fail(Errc code, std::uint8_t wanted = 0, std::uint8_t found = 0) noexcept;
@@ -193,7 +194,7 @@ class BasicEepromManager {
   unsigned other_ = 0;                ///< and of the suspect
   std::uint32_t doubted_ = 0;         ///< pages whose bytes must be looked at, one bit each
   std::optional<std::uint8_t> page_;  ///< as last read or selected
-  bool page_checked_ = false;         ///< and nothing has happened since that could have changed it
+  std::uint8_t page_looks_ = 0;  ///< have said so, and nothing has happened since that could have changed it
   bool under_way_ = false;
   bool cancelled_ = false;
   std::uint8_t tries_ = 0;

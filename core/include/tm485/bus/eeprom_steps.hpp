@@ -105,8 +105,9 @@ std::optional<EepromDoubt> BasicEepromManager<D>::in_doubt() const noexcept {
 template <class D>
 auto BasicEepromManager<D>::choose() const noexcept -> Action {
   // First of all: which page is it? An echo that names another byte can be followed up only if that is known.
-  if (D::kChecksPage && !page_checked_) return Action::check_page;
+  if (D::kChecksPage && page_looks_ == 0) return Action::check_page;
   if (page_ != page_of(target())) return Action::select_page;
+  if (D::kChecksPage && page_looks_ < kPageLooks) return Action::check_page;
   return writes() ? Action::write : Action::read;
 }
 
@@ -281,9 +282,10 @@ void BasicEepromManager<D>::on_echo(Time now) noexcept {
 template <class D>
 void BasicEepromManager<D>::on_data(std::uint8_t data) noexcept {
   if (action_ == Action::check_page) {
+    page_looks_ =
+        page_looks_ != 0 && page_ != data ? std::uint8_t{1} : static_cast<std::uint8_t>(page_looks_ + 1);
     page_ = data;
-    page_checked_ = true;
-    if (data == page_of(target())) selects_ = 0;
+    if (page_looks_ == kPageLooks && data == page_of(target())) selects_ = 0;
     return;
   }
   if (suspect_ != Suspect::none) return on_suspect_data(data);
