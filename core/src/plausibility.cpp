@@ -155,9 +155,9 @@ void PlausibilityGate::begin(Track& track, const PositionReading& reading) noexc
 /// A reading without turns that the track goes on with says nothing against a candidate that is whole turns away.
 [[gnu::noinline]] bool PlausibilityGate::differs_by_turns(const PositionReading& reading) const noexcept {
   if (candidate_.length == 0 || reading.turns != Turns::to_come || turnless_ || inside_) return false;
-  const std::int64_t turns = (reading.raw - candidate_.raw + turn_ / 2) & -turn_;
-  if (turns == 0) return false;
   const Window window = predict(candidate_, reading);
+  const std::int64_t turns = (reading.raw - window.centre + turn_ / 2) & -turn_;
+  if (turns == 0 && window.half < turn_ / 2) return false;
   const std::int64_t off = reading.raw - turns - window.centre;
   return off <= window.half && -off <= window.half;
 }
@@ -191,7 +191,8 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
 /// Does it go on from the candidate? Whichever of the two does not know its turns takes those of the other.
 [[gnu::noinline]] bool PlausibilityGate::agrees(const PositionReading& reading, bool turnless) noexcept {
   const bool guessed = turnless || turnless_;
-  const std::int64_t turns = guessed ? (reading.raw - candidate_.raw + turn_ / 2) & -turn_ : 0;
+  const std::int64_t ahead = guessed ? reading.raw - predict(candidate_, reading).centre : 0;
+  const std::int64_t turns = guessed ? (ahead + turn_ / 2) & -turn_ : 0;
   candidate_.raw += turns;
   const bool agreed = go_on(candidate_, reading, kNoLimit);
   if (turnless) candidate_.raw -= turns;
@@ -230,7 +231,7 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
     turnless = turnless_ = !told && !inside;
     told_ = both_ = 0;
   }
-  if (told && told_ < kTellTurns) ++told_;
+  if (told && told_ < kAgree) ++told_;
   if (both && agreed && both_ < kAgreeInside) ++both_;
   inside_ = inside && (inside_ || !agreed);
   last_inside_ = inside;
@@ -242,7 +243,8 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
     inside_ = true;
     turnless_ = false;
   }
-  if (candidate_.length < (inside_ ? kAgreeInside : kAgree)) return GateVerdict::held_back;
+  // Replies that tell their turns are so many wherever the track goes on between them, be it for longer than a speed is kept.
+  if (candidate_.length < (inside_ ? kAgreeInside : kAgree) && told_ < kAgree) return GateVerdict::held_back;
   if (turnless_ && reading.turns == Turns::to_come) return GateVerdict::held_back;
   // One wrong reading would not have agreed with the others.
   candidate_.doubt = candidate_.half;

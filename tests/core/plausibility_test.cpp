@@ -389,6 +389,46 @@ TEST(PlausibilityGate, TurnsOfOneReplyAreNotBelievedBehindReadingsThatFitWithout
   }
 }
 
+// Found in review: with few replies that tell the turns, other turns were never followed, and each sample between them was fresh and
+// wrong. Where they were farther apart than a speed is kept, no row ever became four; where the shaft made more than half a turn
+// between two, what came in between was measured from where the row had been, and ended it.
+TEST(PlausibilityGate, OtherTurnsAreFollowedHoweverRarelyTheyAreTold) {
+  struct Case {
+    std::int32_t rpm;
+    Time slot;
+    int every;
+  };
+  const Case cases[] = {{300, Time{62'500}, 31},     {1'000, test::us(250), 31},
+                        {1'000, test::us(1'000), 3}, {6'000, test::us(1'000), 31},
+                        {6'000, test::us(1'000), 7}, {6'000, test::us(250), 31},
+                        {6'000, Time{62'500}, 7},    {6'000, Time{62'500}, 1}};
+  constexpr auto kOtherTurns = 5 * static_cast<std::int64_t>(kTurn);
+  for (const auto& [rpm, slot, every] : cases) {
+    for (const double part : {0.0, 0.13, 0.49, 0.9, -0.37, -0.9}) {
+      PlausibilityGate gate(kBits, limits(rpm));
+      gate.expect_every(slot);
+      const double per_ns = part * rpm / 60.0 * kTurn * 1e-9;
+      std::int64_t step = 0;
+      int told = 0;
+      for (int k = 0; k < 60 * every && told < 8; ++k) {
+        const Time now = slot * k;
+        const auto shaft = static_cast<std::int64_t>(std::floor(static_cast<double>(now.count()) * per_ns));
+        if (k == 20 * every + every / 2) step = kOtherTurns;
+        const bool tells = k % every == 0;
+        // A reply without turns is taken for as many as the gate believes in.
+        const std::int64_t unknown =
+            (gate.raw() - shaft + static_cast<std::int64_t>(kTurn) / 2) & -static_cast<std::int64_t>(kTurn);
+        (void)gate.judge({tells || k == 0 ? shaft + step : shaft + unknown, now, Time{0},
+                          tells ? Turns::known : Turns::to_come});
+        if (step != 0 && gate.raw() == shaft + step) break;
+        told += step != 0 && tells ? 1 : 0;
+      }
+      EXPECT_LT(told, 4) << rpm << " rpm, one reply in " << every << " each " << slot.count() << " ns, at "
+                         << part;
+    }
+  }
+}
+
 TEST(PlausibilityGate, NothingOverflowsAtTheEnds) {
   for (const unsigned bits : {1U, 17U, 23U, 24U}) {
     for (const std::int32_t rpm : {1, AxisConfig::kFastest}) {

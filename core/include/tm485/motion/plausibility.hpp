@@ -139,7 +139,7 @@ class PlausibilityGate {
   bool turnless_ = false;       ///< no reading of the candidate knows its turns
   bool last_turnless_ = false;  ///< the last one does not
   bool last_told_ = false;      ///< the last one has them in its reply
-  std::uint8_t told_ = 0;       ///< readings of the candidate that have, up to two
+  std::uint8_t told_ = 0;       ///< readings of the candidate that have, up to kAgree
   std::uint8_t both_ =
       0;  ///< since it began, up to kAgreeInside, that fit to the track too but for its turns
   Track track_;
