@@ -83,6 +83,7 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
     votes_ = 0;
     mute_ = 0;
     taught_ = 0;
+    coasting_ = false;
     heard_at_ = tick;
     return std::nullopt;
   }
@@ -100,7 +101,7 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
   }
   const Time heard = std::clamp(error, -near, near);
   shift((heard.count() << kFraction) >> kPhaseShift);
-  if (tick - heard_at_ > std::max(length_, period_) * kMute) {
+  if (coasting_ && tick - heard_at_ > std::max(length_, period_) * kMute) {
     take_up(tick, heard);
   } else if (mute_ != 0) {
     --mute_;
@@ -108,15 +109,16 @@ std::optional<Time> ServoLock::on_tick(Time tick) noexcept {
     turn(heard.count() * rate_gain_ / (taught_ == kTaught ? kCalm : 1));
     if (taught_ != kTaught) ++taught_;
   }
+  coasting_ = false;
   heard_at_ = tick;
   return error;
 }
 
-/// The first tick behind a long hold, or a long silence. What the grid is off by now has come together over all of it: the rate
-/// is off by so much less a pattern. Half of that is heard, or a quarter, because a tick may be stamped late; and the ticks that
-/// follow, which tell the same again while it is taken up, say nothing of the rate.
+/// The first tick behind a long hold. What the grid is off by now has come together over all of it: the rate is off by so much
+/// less a pattern. Half of that is heard, or a quarter, because a tick may be stamped late, and an eighth of it once the rate is
+/// nearly known; and the ticks that follow, which tell the same again while it is taken up, say nothing of the rate.
 void ServoLock::take_up(Time tick, Time error) noexcept {
-  unsigned parts = 2;  // a power of two: at least twice the patterns that it took
+  unsigned parts = taught_ == kTaught ? 5 : 2;  // a power of two: at least twice the patterns that it took
   for (Time span = length_ * 2; span <= tick - heard_at_ && parts < kFraction; span *= 2) ++parts;
   turn((error.count() << kFraction) >> parts);
   mute_ = kMute;

@@ -419,6 +419,31 @@ TEST(ServoLock, ATickAfterALongSilenceIsTheFirstOfAnotherLock) {
   }
 }
 
+// Who was silent has stalled, and its first tick is the likeliest to be late: no hold, in which ticks were heard.
+TEST(ServoLock, ALateTickBehindASilenceTeachesLittle) {
+  for (const int before : {1, 2'000}) {
+    World world = make(Cycle{DataId::everything, ms(1)}, ms(1), us(60));
+    world.ppm = 20;
+    Time tick;
+    for (int ticks = 0; ticks < before;) ticks += world.step(tick) ? 1 : 0;
+    if (before == 1) {  // and its grid had coasted when it was lost
+      (void)world.scheduler.give_way(world.now + ms(70));
+      for (int ticks = 0; ticks < 30;) ticks += world.step(tick) ? 1 : 0;
+      world.ticking = false;
+      for (int ticks = 0; ticks < 130;) ticks += world.step(tick) ? 1 : 0;
+      ASSERT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::waiting);
+      world.ticking = true;
+      while (!world.step(tick)) continue;
+      ASSERT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::seeking);
+    }
+    world.ticking = false;
+    for (int ticks = 0; ticks < 26;) ticks += world.step(tick) ? 1 : 0;
+    const std::int32_t drift = world.scheduler.servo_lock()->drift_ppm();
+    world.scheduler.on_servo_tick(tick + us(62), world.statistics);
+    EXPECT_NEAR(world.scheduler.servo_lock()->drift_ppm(), drift, before == 1 ? 260 : 40) << before;
+  }
+}
+
 // The servo clock is faster than T1 allows: T1 wins, and slots fall out, one at a time.
 TEST(ServoLock, AServoClockFasterThanT1NeverUndercutsIt) {
   World world = make(Cycle{DataId::everything, ns(62'500)}, ns(62'500), us(55), us(1));

@@ -47,6 +47,7 @@ class ServoLock {
   void coast(Time tick) noexcept {
     last_tick_ = tick;
     excused_ = Time{0};
+    coasting_ = true;
   }
   /// The grid is about to be put off from `slot` to `until`, at once: ticks are not missed before they can have come.
   void put_off(Time slot, Time until) noexcept {
@@ -86,6 +87,7 @@ class ServoLock {
   std::uint8_t votes_ = 0;   ///< ticks in a row that speak for another state
   std::uint8_t mute_ = 0;    ///< so many more say nothing of the rate
   std::uint8_t taught_ = 0;  ///< so many have told the rate since the first, kTaught at most
+  bool coasting_ = false;    ///< the last one has
 };
 
 }  // namespace tm485
