@@ -25,7 +25,7 @@ extern "C" {
 #define TM485_BUS_SIZE 2624
 #define TM485_BUS_ALIGNMENT 64
 #elif defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
-#define TM485_BUS_SIZE 2240
+#define TM485_BUS_SIZE 2304
 #define TM485_BUS_ALIGNMENT 8
 #else
 #define TM485_BUS_SIZE 2624
