@@ -77,8 +77,8 @@ TEST_F(EepromSteps, AByteIsWrittenAndReadBack) {
     asked.push_back((request.id() == DataId::eeprom_write ? "w" : "r") + std::to_string(request.address()));
     obey(request);
   }
-  // Which page, select, look twice, what is there, which page after the write is still known: write, read back.
-  EXPECT_EQ(asked, (std::vector<std::string>{"r127", "w127", "r127", "r127", "r5", "w5", "r5"}));
+  // Which page, by two looks, select, the same again, what is there, which page after the write is still known: write, read back.
+  EXPECT_EQ(asked, (std::vector<std::string>{"r127", "r127", "w127", "r127", "r127", "r5", "w5", "r5"}));
   EXPECT_EQ(outcome().code, Errc::ok);
   EXPECT_EQ(memory[127 + 5], 0x42);
   EXPECT_EQ(manager->progress().writes, 1U);
@@ -141,6 +141,19 @@ TEST_F(EepromSteps, APageThatIsAnotherEachTimeEndsIt) {
            request->id() == DataId::eeprom_read ? static_cast<std::uint8_t>(looks++ % 2) : request->data());
   }
   EXPECT_EQ(outcome().code, Errc::eeprom_page_refused);
+  EXPECT_EQ(manager->progress().page_selects, 0U) << "where nobody knows which it is";
+}
+
+// No time is too short for two looks in a row.
+TEST_F(EepromSteps, AnEncoderThatBootsInNoTimeIsLookedAtTwiceAllTheSame) {
+  Profile quick = *find_profile("tm485_17");
+  quick.boot_time_min = Time{0};
+  profile = *CompiledProfile::compile(quick);
+  manager.emplace(profile);
+  write(127 + 5, 0x42);
+  for (int asked = 0; manager->active() && asked < 100; ++asked) obey(ask());
+  EXPECT_EQ(outcome().code, Errc::ok);
+  EXPECT_EQ(memory[127 + 5], 0x42);
 }
 
 TEST_F(EepromSteps, AByteThatDoesNotTakeEndsIt) {

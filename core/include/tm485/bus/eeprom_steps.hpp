@@ -105,9 +105,8 @@ std::optional<EepromDoubt> BasicEepromManager<D>::in_doubt() const noexcept {
 template <class D>
 auto BasicEepromManager<D>::choose() const noexcept -> Action {
   // First of all: which page is it? An echo that names another byte can be followed up only if that is known.
-  if (D::kChecksPage && page_looks_ == 0) return Action::check_page;
-  if (page_ != page_of(target())) return Action::select_page;
   if (D::kChecksPage && page_looks_ < kPageLooks) return Action::check_page;
+  if (page_ != page_of(target())) return Action::select_page;
   return writes() ? Action::write : Action::read;
 }
 
@@ -132,7 +131,7 @@ template <class D>
 std::optional<Request> BasicEepromManager<D>::next(Time now) noexcept {
   if (!active() || under_way_ || now < wait_until_) return std::nullopt;
   // Who was heard less than half a boot time ago has not restarted since.
-  if (now - last_heard_ >= profile_->profile().boot_time_min / 2) doubt_page();
+  if (now - last_heard_ > profile_->profile().boot_time_min / 2) doubt_page();
   action_ = choose();
   if (cancelled_ && phase_ == Phase::read && suspect_ == Suspect::none && action_ != Action::check_page) {
     end({Errc::abandoned, page_of(at_), address_of(at_)});
@@ -282,9 +281,10 @@ void BasicEepromManager<D>::on_echo(Time now) noexcept {
 template <class D>
 void BasicEepromManager<D>::on_data(std::uint8_t data) noexcept {
   if (action_ == Action::check_page) {
-    page_looks_ =
-        page_looks_ != 0 && page_ != data ? std::uint8_t{1} : static_cast<std::uint8_t>(page_looks_ + 1);
+    const bool another = page_looks_ != 0 && page_ != data;
+    page_looks_ = another ? std::uint8_t{1} : static_cast<std::uint8_t>(page_looks_ + 1);
     page_ = data;
+    if (another && ++selects_ > kMostSelects) return fail(Errc::eeprom_page_refused, page_of(target()), data);
     if (page_looks_ == kPageLooks && data == page_of(target())) selects_ = 0;
     return;
   }
