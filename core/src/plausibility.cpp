@@ -188,11 +188,15 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
   return hold_back(reading);
 }
 
+/// By how many whole turns it is off from where the candidate would be.
+[[gnu::noinline]] std::int64_t PlausibilityGate::turns_off(const PositionReading& reading) const noexcept {
+  return (reading.raw - predict(candidate_, reading).centre + turn_ / 2) & -turn_;
+}
+
 /// Does it go on from the candidate? Whichever of the two does not know its turns takes those of the other.
 [[gnu::noinline]] bool PlausibilityGate::agrees(const PositionReading& reading, bool turnless) noexcept {
   const bool guessed = turnless || turnless_;
-  const std::int64_t ahead = guessed ? reading.raw - predict(candidate_, reading).centre : 0;
-  const std::int64_t turns = guessed ? (ahead + turn_ / 2) & -turn_ : 0;
+  const std::int64_t turns = guessed ? turns_off(reading) : 0;
   candidate_.raw += turns;
   const bool agreed = go_on(candidate_, reading, kNoLimit);
   if (turnless) candidate_.raw -= turns;

@@ -124,6 +124,7 @@ class PlausibilityGate {
   [[nodiscard]] bool near_track(const PositionReading& reading) const noexcept;
   [[nodiscard]] GateVerdict hold_back(const PositionReading& reading) noexcept;
   [[nodiscard]] bool differs_by_turns(const PositionReading& reading) const noexcept;
+  [[nodiscard]] std::int64_t turns_off(const PositionReading& reading) const noexcept;
   [[nodiscard]] bool agrees(const PositionReading& reading, bool turnless) noexcept;
 
   std::int64_t speed_limit_;   ///< counts per 2^20 ns
