@@ -178,8 +178,8 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
       // What fits to both counts here too: one reply that told other turns is not enough for them any more.
       if (!differs_by_turns(reading)) {
         candidate_.length = 0;
-      } else if (both_ == 0) {
-        both_ = 1;
+      } else {
+        doubted_ = true;
       }
     }
     missed_ = 0;
@@ -224,24 +224,29 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
     turnless_ = last_turnless_;
     told_ = last_told_ ? 1 : 0;
     both_ = 0;
+    doubted_ = false;
     turnless = lacks_turns();
     agreed = agrees(reading, turnless);
   }
   constexpr std::uint8_t kTellTurns = 2;
   // It goes on from a row whose turns are in doubt, and is elsewhere itself: a row without them begins.
-  if (both_ != 0 && told_ < kTellTurns && !told && !inside) agreed = false;
+  if (doubted_ && told_ < kTellTurns && !told && !inside) agreed = false;
   if (!agreed) {
     begin(candidate_, reading);
     turnless = turnless_ = !told && !inside;
     told_ = both_ = 0;
+    doubted_ = false;
   }
   if (told && told_ < kAgree) ++told_;
-  if (both && agreed && both_ < kAgreeInside) ++both_;
+  if (both && agreed) {
+    doubted_ = true;
+    if (both_ < kAgreeInside) ++both_;
+  }
   inside_ = inside && (inside_ || !agreed);
   last_inside_ = inside;
   last_turnless_ = turnless;
   last_told_ = told;
-  if (both_ != 0 && told_ < kTellTurns) {
+  if (doubted_ && told_ < kTellTurns) {
     if (both_ < kAgreeInside || !both) return GateVerdict::held_back;
     candidate_.raw = reading.raw;
     inside_ = true;

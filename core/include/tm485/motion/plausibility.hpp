@@ -141,8 +141,8 @@ class PlausibilityGate {
   bool last_turnless_ = false;  ///< the last one does not
   bool last_told_ = false;      ///< the last one has them in its reply
   std::uint8_t told_ = 0;       ///< readings of the candidate that have, up to kAgree
-  std::uint8_t both_ =
-      0;  ///< since it began, up to kAgreeInside, that fit to the track too but for its turns
+  bool doubted_ = false;        ///< one since it began fitted to the track too, but for its turns
+  std::uint8_t both_ = 0;       ///< of those that were held back, up to kAgreeInside
   Track track_;
   Track candidate_;
 };
