@@ -389,6 +389,28 @@ TEST(PlausibilityGate, TurnsOfOneReplyAreNotBelievedBehindReadingsThatFitWithout
   }
 }
 
+// Found by the campaign (seed 485, run 4767): the right one between them was counted as one of three that had to agree.
+TEST(PlausibilityGate, WhatTheTrackHasTakenIsNoVoteForWhatFitsToBoth) {
+  constexpr std::int64_t kOff = -128;
+  constexpr auto kOtherTurns = 32'640 * static_cast<std::int64_t>(kTurn);
+  PlausibilityGate gate(kBits, limits());
+  gate.expect_every(test::us(160));
+  const auto judge = [&](std::int64_t at, std::int64_t off, Turns turns = Turns::to_come) {
+    const Time now = test::us(at);
+    const auto shaft = static_cast<std::int64_t>(static_cast<double>(now.count()) * 7.847e-3);
+    return gate.judge({shaft + off, now, Time{0}, turns});
+  };
+  for (std::int64_t at = 0; at <= 800; at += 40) ASSERT_EQ(judge(at, 0), GateVerdict::accepted);
+  EXPECT_EQ(judge(840, kOff), GateVerdict::held_back);
+  EXPECT_EQ(judge(880, kOff), GateVerdict::held_back);
+  EXPECT_EQ(judge(920, 0), GateVerdict::accepted);
+  EXPECT_EQ(judge(960, 0), GateVerdict::accepted);
+  EXPECT_EQ(judge(1'080, kOff + kOtherTurns, Turns::known), GateVerdict::held_back);
+  EXPECT_EQ(judge(1'240, 0), GateVerdict::accepted);
+  EXPECT_EQ(judge(1'280, kOff), GateVerdict::held_back);
+  EXPECT_EQ(judge(1'320, kOff), GateVerdict::held_back) << "two wrong ones are not three";
+}
+
 // Found in review: with few replies that tell the turns, other turns were never followed, and each sample between them was fresh and
 // wrong. Where they were farther apart than a speed is kept, no row ever became four; where the shaft made more than half a turn
 // between two, what came in between was measured from where the row had been, and ended it.
