@@ -108,7 +108,7 @@ TEST(BrokenStack, WithoutReadingBackWhatWasWritten) {
   const Player play = [](const RunSetup& setup, const RunOptions& options) {
     return run<test::NeverLooksAtWhatItWrote>(setup, options);
   };
-  constexpr const char* kNoise = "bits requests=1e-3";
+  constexpr const char* kNoise = "bits requests=1e-2";
   const CampaignResult result = campaign(play, kNoise, 4'000'000);
   ASSERT_TRUE(result.failed.has_value());
   EXPECT_EQ(result.violation.rule, Rule::eeprom) << story(result);
