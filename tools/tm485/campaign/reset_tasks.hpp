@@ -41,7 +41,7 @@ class ResetTasks {
     const Time due = tm485::drive(*run_, bus, now);
     if (done() != last_done_) {
       last_done_ = done();
-      done_at_ = now;
+      counts_when_done_ = encoder_->model().shaft_counts(now);
     }
     // A look takes the line for 200 us at most, a run until the cycle goes on; this is called again within a millisecond.
     constexpr Time kOneLook{200'000};
@@ -112,15 +112,12 @@ class ResetTasks {
                       "a run of resets failed on a line without a fault");
   }
 
-  /// Turns: in the first one, or what the shaft has turned since. Zero: within the tolerance that the run has itself.
+  /// Turns: in the first ones when it was done; the shaft turns on while noise puts off the read-back. Zero: within the tolerance that the run has itself.
   [[nodiscard]] bool at_new_origin(Time now) const noexcept {
     const unsigned bits = profile_->profile().single_turn_bits;
     const std::int64_t turn = std::int64_t{1} << bits;
     const std::int64_t counts = encoder_->model().shaft_counts(now);
-    if (run_->kind() == ResetKind::multi_turn) {
-      constexpr Time kTurn = std::chrono::milliseconds(10);  // at 6000 rpm
-      return std::abs(counts) < (3 + (now - done_at_) / kTurn) * turn;
-    }
+    if (run_->kind() == ResetKind::multi_turn) return std::abs(counts_when_done_) < 3 * turn;
     if (run_->kind() != ResetKind::zero) return true;
     const std::int64_t within = ((counts % turn) + turn) % turn;
     constexpr std::int64_t kPartOfTurn = 4'096;
@@ -136,7 +133,7 @@ class ResetTasks {
   std::optional<ResetRun> run_;
   std::uint64_t done_ = 0;  // when it began
   std::uint64_t last_done_ = 0;
-  Time done_at_{0};  // the last one
+  std::int64_t counts_when_done_ = 0;  // of the shaft, behind the last one; it turns on
   Time begun_{0};
   Time next_ = std::chrono::milliseconds(100);
   bool ok_ = true;

@@ -53,8 +53,7 @@ class ServoTicks {
     if (off > unit.count() / 2) off -= unit.count();
     if (off < -unit.count() / 2) off += unit.count();
     ++judge.totals().phases;
-    // A tick that is stamped late has its say twice: when it is heard, and over a hold in the rate that it taught.
-    const Time allowed = start_jitter_ + jitter_ * 2 + unit / kPartOfUnit + kRounding;
+    const Time allowed = start_jitter_ + jitter_ + unit / kPartOfUnit + kRounding;
     return std::abs(off) <= allowed.count() ||
            judge.fail(Rule::axis, now, off, allowed.count(), "latched out of phase with the servo clock");
   }
@@ -62,7 +61,7 @@ class ServoTicks {
  private:
   static constexpr int kSettling =
       500;  // looks at a cycle that runs: in holds of the line nothing is learned
-  static constexpr std::int64_t kPartOfUnit = 32;
+  static constexpr std::int64_t kPartOfUnit = 64;
   static constexpr Time kRounding{500};
 
   [[nodiscard]] Time drifted(Time span) const noexcept { return span + span * drift_ppm_ / 1'000'000; }
