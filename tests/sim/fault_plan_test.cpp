@@ -77,6 +77,7 @@ TEST(FaultPlan, EveryMistakeHasANameALineACauseAndARemedy) {
       {"late bytes=1us every=0s", "plan_bad_value", 1, "every=0s"},
       {"alarm almc=100", "plan_bad_value", 1, "almc=100"},
       {"baud drift=3ppm", "plan_bad_value", 1, "drift=3ppm"},
+      {"baud drift=3ppm", "plan_bad_value", 1, "-20%/s to 20%/s"},
       {"burst bits=1 on=left", "plan_bad_value", 1, "on=left"},
       {"lose from=-1s", "plan_bad_value", 1, "from=-1s"},
       {"lose from=9999h", "plan_bad_value", 1, "from=9999h"},

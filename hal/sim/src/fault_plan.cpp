@@ -96,14 +96,13 @@ std::string time_text(Time time) {
   return std::to_string(time.count()) + "ns";
 }
 
-/// Millionths that read back as the same number; a digit more where multiplying would have changed it.
+/// Millionths, or percents, that read back as the same number; a digit more where multiplying would have changed it.
 std::string ratio_text(double value) {
-  for (const double tried : {std::round(value / kPpm), value / kPpm}) {
-    std::string text = shortest(tried) + "ppm";
-    if (read_ratio(text) == value) return text;
-  }
   const double near = value / kPpm;
-  for (const double tried : {std::nextafter(near, -HUGE_VAL), std::nextafter(near, HUGE_VAL)})
+  if (const double whole = std::round(near); whole * kPpm == value) return shortest(whole) + "ppm";
+  if (const double whole = std::round(value / kPercent); whole * kPercent == value)
+    return shortest(whole) + "%";
+  for (const double tried : {near, std::nextafter(near, -HUGE_VAL), std::nextafter(near, HUGE_VAL)})
     if (tried * kPpm == value) return shortest(tried) + "ppm";
   return shortest(near) + "ppm";
 }
