@@ -272,5 +272,34 @@ TEST_F(BusTest, ABabblingLineNeverHangsAndNeverGivesAWrongSample) {
   expect_t1_kept();
 }
 
+// Found by the campaign (seed 20261122, run 238642): how long a request that takes slots has the line was counted from when it
+// was asked for, not from when it left. The cyclic one behind it was late by that as well as by what it may be pushed.
+TEST_F(BusBackground, BehindARequestThatLeftLateTheCycleIsNotPushedByMoreThanTheMargin) {
+  constexpr Time kMargin = ns(2'500);
+  port.capability_.jitter_margin = kMargin;
+  port.lateness = [=] { return kMargin; };
+  config.eeprom_may_hold = true;
+  int pushed = 0;
+  for (Time slot = us(80); slot <= us(120); slot += ns(500)) {
+    config.cycle = Cycle{DataId::everything, slot};
+    begin_running();
+    run_cycles(3);
+    const Time begin = bus->scheduler()->slot();
+    port.sent.clear();
+    ASSERT_TRUE(bus->offer(*Request::eeprom_write(1, 2)));
+    run_cycles(6);
+    ASSERT_TRUE(bus->take_completion());
+    for (const ScriptedPort::Sent& sent : port.sent) {
+      if (sent.bytes != Bytes{0x1A}) continue;
+      const Time late{(sent.asked - begin).count() % slot.count()};
+      ASSERT_LE(late, kMargin) << slot.count();
+      pushed += late > Time{0} ? 1 : 0;
+    }
+    bus->stop();
+    driver.now += ms(100);
+  }
+  EXPECT_GT(pushed, 0) << "some are";
+}
+
 }  // namespace
 }  // namespace tm485

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <cstdlib>
+#include <utility>
 
 #include "campaign/rules.hpp"
 #include "campaign/run_setup.hpp"
@@ -48,6 +49,8 @@ class Judge {
   [[nodiscard]] const Totals& totals() const noexcept { return totals_; }
   [[nodiscard]] Totals& totals() noexcept { return totals_; }
   [[nodiscard]] const sim::FaultEffects& effects() const noexcept { return *effects_; }
+  /// The last cycle came directly behind a request that was none of the cycle's: T1 may have pushed it out of its slot.
+  [[nodiscard]] bool behind_another() const noexcept { return behind_another_; }
   [[nodiscard]] bool fail(Rule rule, Time now, std::int64_t seen, std::int64_t allowed,
                           std::string_view what = {}) noexcept {
     violation_ = {rule, totals_.cycles, now, seen, allowed, what};
@@ -74,9 +77,11 @@ class Judge {
     if (record.result == Errc::position_implausible && (effects.bits_changed || effects.frozen)) [[unlikely]]
       count_wrong(true, record.id);
     if (record.kind != CycleRecord::Kind::cyclic) {
+      other_before_ = true;
       on_other_record(record);
       return true;
     }
+    behind_another_ = std::exchange(other_before_, false);
     ++totals_.cycles;
     totals_.touched += effects.touched ? 1 : 0;
     totals_.changed += effects.bits_changed ? 1 : 0;
@@ -230,6 +235,8 @@ class Judge {
   bool any_fresh_ = false;
   bool new_origin_ = false;
   bool through_startup_ = true;
+  bool other_before_ = false;    // the last record is not of a cycle
+  bool behind_another_ = false;  // and so was the one before the last cycle
   bool shown_fresh_ = false;
   Time shown_latch_{0};
   bool stepped_ = false;         // the last fresh sample was wrong, so that the next right one is a step

@@ -53,7 +53,8 @@ class ServoTicks {
     if (off > unit.count() / 2) off -= unit.count();
     if (off < -unit.count() / 2) off += unit.count();
     ++judge.totals().phases;
-    const Time allowed = start_jitter_ + jitter_ + unit / kPartOfUnit + kRounding;
+    const Time pushed = judge.behind_another() ? std::max(start_jitter_, kMostPushed) : Time{0};
+    const Time allowed = start_jitter_ + pushed + jitter_ + unit / kPartOfUnit + kRounding;
     return std::abs(off) <= allowed.count() ||
            judge.fail(Rule::axis, now, off, allowed.count(), "latched out of phase with the servo clock");
   }
@@ -63,6 +64,7 @@ class ServoTicks {
       500;  // looks at a cycle that runs: in holds of the line nothing is learned
   static constexpr std::int64_t kPartOfUnit = 64;
   static constexpr Time kRounding{500};
+  static constexpr Time kMostPushed{1'000};  // by T1, or the jitter margin if that is longer
 
   [[nodiscard]] Time drifted(Time span) const noexcept { return span + span * drift_ppm_ / 1'000'000; }
 

@@ -210,7 +210,8 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
     return;
   }
   if (scheduler_ && hold_ == LineHold::none && !in_gap) {
-    const std::uint32_t taken = scheduler_->give_way(now + span);
+    const std::uint32_t taken =
+        scheduler_->give_way(std::max(now + span, spacing_.earliest()));  // it may have left late
     saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
     if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
     // Once behind each fresh sample: a second hold without one between them does not keep an old sample alive.
