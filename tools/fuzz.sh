@@ -6,7 +6,7 @@
 #                                                        of each target; all targets by default
 #   tools/fuzz.sh --seed S ...                           from the corpora of the tree only, and as little by chance as
 #                                                        libFuzzer can: some targets go the same way every time
-#   tools/fuzz.sh --plain ...                            without sanitizers and value profile: many more executions
+#   tools/fuzz.sh --plain ...                            without sanitizers, and comparisons not looked at: many more executions
 #   tools/fuzz.sh --list                                 the targets
 #   tools/fuzz.sh --replay TARGET FILE...                runs files, for example one that a fuzzer has kept
 #
