@@ -42,12 +42,17 @@ Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
   return sample;
 }
 
-/// SF and ALMC contradict each other, and not in the way that they did the last time: an encoder that means something else
-/// by these bits costs one reply, wrong bits are not taken for it.
+/// SF and ALMC contradict each other, and not in the way that this encoder is known to do, by two replies in a row: one that
+/// means something else by these bits costs one reply, wrong bits are not taken for it.
 bool PositionTracker::doubtful(const Frame& frame) noexcept {
-  if (frame.status() == odd_status_) return false;
-  odd_status_ = frame.status();
-  return true;
+  const StatusSet told = frame.status();
+  if (told != odd_status_ && told != suspected_) {
+    suspected_ = told;
+    return true;
+  }
+  odd_status_ = told;
+  suspected_ = StatusSet();
+  return false;
 }
 
 /// Without a battery the turns begin anew with every power-up; with one a reset by somebody else looks the same.

@@ -144,6 +144,12 @@ CycleRefusal Scheduler::check_servo(const ServoClock& clock, Time shortest) cons
   return {Errc::ok};
 }
 
+Time Scheduler::longest_step() const noexcept {
+  Time longest{0};
+  for (std::size_t i = 0; i < pattern_.size(); ++i) longest = std::max(longest, step_length(i));
+  return longest;
+}
+
 Feasibility Scheduler::feasibility() const noexcept {
   Feasibility result;
   result.slot = pattern_.slot();

@@ -282,6 +282,32 @@ TEST_F(BusTrust, StatusBitsThatContradictEachOtherAreHeldBackOnce) {
   EXPECT_EQ(errors(Errc::status_inconsistent), 2U);
 }
 
+// Wrong bits that have been held back once are as wrong the next time, and not what the encoder means by them.
+TEST_F(BusTrust, AContradictionThatWasToldOnceIsHeldBackAgain) {
+  begin_running();
+  run_cycles(10);
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    encoder.almc = 0x04;
+    run_cycles(1);
+    EXPECT_EQ(errors(Errc::status_inconsistent), i);
+    encoder.almc = 0;
+    run_cycles(5);
+    EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+  }
+}
+
+TEST_F(BusTrust, WrongBitsOfAnEncoderThatAlwaysContradictsItselfCostOneReply) {
+  encoder.sf = 0x20;
+  begin_running();
+  run_cycles(10);
+  encoder.almc = 0x04;
+  run_cycles(1);
+  EXPECT_EQ(errors(Errc::status_inconsistent), 1U);
+  encoder.almc = 0;
+  run_cycles(5);
+  EXPECT_EQ(errors(Errc::status_inconsistent), 1U);
+}
+
 TEST_F(BusTrust, AnEncoderThatAlwaysContradictsItselfStarts) {
   encoder.sf = 0x20;
   begin_running();

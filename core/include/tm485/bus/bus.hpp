@@ -293,6 +293,8 @@ class Bus {
   std::uint32_t patience_ = 0;         ///< slots that what is waiting may wait
   std::uint32_t to_steal_ = 0;         ///< cyclic slots until one may be stolen again
   Time last_good_{0};                  ///< when the last good cycle, or frame of start-up, was latched
+  Time last_heard_{0};                 ///< likewise, background requests included
+  Time silence_{0};                    ///< in so long the encoder can have restarted, though no cycle failed
   std::uint32_t discontinuities_ = 0;  ///< that statistics_ has counted
   Statistics statistics_;
   CycleRecord record_;

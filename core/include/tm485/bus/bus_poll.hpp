@@ -46,6 +46,7 @@ std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
     fresh_for_ = gap + ready + capability_.jitter_margin + capability_.latency_allowance;
     seen_fresh_for_ = gap + capability_.jitter_margin + t2_window;
     seen_valid_for_ = gap + config_.max_hold;
+    silence_ = std::max(profile_->profile().boot_time_min, 2 * scheduler_->longest_step());
   }
   shape_histograms();
   begin_startup(now);

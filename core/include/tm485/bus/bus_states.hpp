@@ -26,8 +26,8 @@ Errc Bus<P>::finish_cyclic(Time now) noexcept {
   // Held back for longer than a sample is good: by the port, or by an owner that did not call.
   if (now > stale) [[unlikely]]
     return Errc::timeout;
-  // Failures as long as a restart: the encoder may have begun to count anew.
-  if (failed_in_a_row_ != 0 && now - last_good_ >= profile_->profile().boot_time_min)
+  // Failures as long as a restart, or nobody asked for so long: the encoder may have begun to count anew.
+  if (now - last_heard_ >= (failed_in_a_row_ != 0 ? profile_->profile().boot_time_min : silence_))
     return Errc::position_lost;
   if (layout(id).abs_at == 0 && scheduler_->reads_position()) {
     note(*reply, now);
@@ -62,7 +62,7 @@ template <Port P>
 template <Port P>
 void Bus<P>::cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept {
   failed_in_a_row_ = 0;
-  last_good_ = latch_time();
+  last_good_ = last_heard_ = latch_time();
   saturating_increment(statistics_.good);
   const StatusSet status = reply.frame().status();
   const bool all = reply.frame().id() == DataId::everything;
@@ -128,7 +128,7 @@ void Bus<P>::after_startup_step(Time now) noexcept {
   saturating_increment(statistics_.startups);
   startup_error_.reset();
   failed_in_a_row_ = 0;
-  last_good_ = latch_time();
+  last_good_ = last_heard_ = latch_time();
   cyclic_start_.reset();
   state_ = BusState::running;
   tracker_.found(sample_gap(), scheduler_ && scheduler_->reads_turns());
@@ -265,6 +265,7 @@ void Bus<P>::finish_background(Time now) noexcept {
   std::optional<Reply> heard;
   if (result) {
     heard = *result;
+    last_heard_ = latch_time();
     const Frame& frame = result->frame();
     const bool eeprom = frame.fields().adf_at != 0;
     if (eeprom && frame.address() != exchange_.request().address()) {

@@ -73,6 +73,8 @@ class Scheduler {
   /// Of the whole pattern.
   [[nodiscard]] Time length() const noexcept { return length_; }
   [[nodiscard]] const Pattern& pattern() const noexcept { return pattern_; }
+  /// The longest time from one request of the pattern to the next.
+  [[nodiscard]] Time longest_step() const noexcept;
   /// True if a late start moves the grid.
   [[nodiscard]] bool free_running() const noexcept { return free_; }
   [[nodiscard]] Feasibility feasibility() const noexcept;

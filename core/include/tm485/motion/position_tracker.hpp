@@ -33,7 +33,7 @@ class PositionTracker {
 
   /// A reply latched at `latch`, give or take `uncertainty`, becomes a fresh sample, written to `sample`.
   /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; or
-  /// status_inconsistent: SF and ALMC contradict each other, for the first time in this way; position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
+  /// status_inconsistent: SF and ALMC contradict each other, and neither the reply before nor the encoder's way is the same; position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
   /// encoder_restarted: they agree, and the turn count is back at its start value. After an error the last sample stands.
   [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 
@@ -118,7 +118,8 @@ class PositionTracker {
   std::uint32_t announced_hold_ns_ = 0;
   std::uint32_t discontinuities_ = 0;
   StatusSet status_;
-  StatusSet odd_status_;  ///< the last one that contradicted itself
+  StatusSet odd_status_;  ///< contradicts itself, and is what this encoder says
+  StatusSet suspected_;   ///< has been held back, and nothing else was told since
   AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
   DataId id_ = DataId::everything;
@@ -242,8 +243,12 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
   const Frame& frame = reply.frame();
   const DataId id = frame.id();
   const bool positioned = layout(id).abs_at != 0;
-  if (id == DataId::everything && !frame.status().consistent() && doubtful(frame)) [[unlikely]]
-    return Errc::status_inconsistent;
+  if (id == DataId::everything) {
+    if (frame.status().consistent()) [[likely]]
+      suspected_ = StatusSet();
+    else if (doubtful(frame))
+      return Errc::status_inconsistent;
+  }
   if (positioned) {
     // The longest time that can have passed since the last position.
     const Time gap = latch - position_latch_ + uncertainty + uncertainty_;
