@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cinttypes>
+#include <cstdio>
 #include <string>
 
 #include "broken_ports.hpp"
@@ -137,6 +139,18 @@ TEST(BrokenStack, WithAShortT1) {
   EXPECT_EQ(result.violation.rule, Rule::t1) << story(result);
 }
 
+TEST(BrokenStack, ThatNeverThinksOfARestart) {
+  const CampaignResult result = campaign(
+      [](const RunSetup& setup, const RunOptions& options) {
+        RunSetup alone = setup;  // what is in the background notices by itself
+        alone.background = Background::none;
+        return run<EepromDiscipline>(alone, options, AsItIs{}, test::never_think_of_a_restart);
+      },
+      "restart at=20ms off=2ms every=150ms");
+  ASSERT_TRUE(result.failed.has_value());
+  EXPECT_EQ(result.violation.rule, Rule::restart) << story(result);
+}
+
 TEST(BrokenStack, ThatRepeatsTheLastReply) {
   const CampaignResult result = campaign(with<test::RepeatsTheLastReply>, "lose replies=1e-3");
   ASSERT_TRUE(result.failed.has_value());
@@ -199,6 +213,28 @@ TEST(BrokenStack, IsFoundByRandomPlansMadeSmallAndPlayedAgain) {
   const RunResult minimal = play(printed, {});
   ASSERT_TRUE(minimal.violation.has_value());
   EXPECT_EQ(minimal.violation->cycle, least.violation.cycle);
+}
+
+// What a failure prints repeats it, also if its plan is none of those that are drawn.
+TEST(Campaign, APlanThatWasGivenIsPartOfTheCommandThatPlaysItAgain) {
+  const Player play = with<test::NoTimeout>;
+  const CampaignResult result = campaign(play, "lose replies=1e-3; bits replies=1e-5", 9'000);
+  ASSERT_TRUE(result.failed.has_value());
+  const std::string command = result.failed->replay_command();
+  std::uint64_t seed = 0;
+  std::uint64_t number = 0;
+  std::uint64_t cycles = 0;
+  ASSERT_EQ(std::sscanf(command.c_str(), "tm485 campaign --replay %" SCNu64 ":%" SCNu64 " --cycles %" SCNu64,
+                        &seed, &number, &cycles),
+            3)
+      << command;
+  const std::size_t from = command.find("--plan '") + 8;
+  const auto plan = sim::FaultPlan::parse(command.substr(from, command.rfind('\'') - from));
+  ASSERT_TRUE(plan.has_value()) << command;
+  const RunResult again = play(draw_run(seed, number, cycles, *plan), {});
+  ASSERT_TRUE(again.violation.has_value()) << command;
+  EXPECT_EQ(again.violation->cycle, result.violation.cycle);
+  EXPECT_EQ(again.violation->time, result.violation.time);
 }
 
 TEST(Recorder, WritesATableAndAWaveform) {

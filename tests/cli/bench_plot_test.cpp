@@ -55,7 +55,7 @@ TEST(Bench, DrawsAPngAndAnSvg) {
   const TemporaryFolder folder;
   const std::string png = folder.write("bench.png", "an old picture");
   const std::string svg = folder.path("bench.svg");
-  EXPECT_EQ(bench({"--plot", png}).exit_code, 0);
+  EXPECT_EQ(bench({"--plot", png, "--yes"}).exit_code, 0);
   EXPECT_EQ(bench({"--plot", svg}).exit_code, 0);
   const std::string pixels = read_file(png);
   EXPECT_EQ(pixels.substr(0, 8), "\x89PNG\r\n\x1a\n");
@@ -63,6 +63,16 @@ TEST(Bench, DrawsAPngAndAnSvg) {
   const std::string text = read_file(svg);
   EXPECT_NE(text.find("<svg"), std::string::npos);
   EXPECT_NE(text.find("</svg>"), std::string::npos);
+}
+
+TEST(Bench, AnOldPictureIsNotReplacedWithoutAsking) {
+  const TemporaryFolder folder;
+  const std::string picture = folder.write("bench.png", "an old picture");
+  const Finished finished = bench({"--plot", picture});
+  EXPECT_EQ(finished.exit_code, 2);
+  EXPECT_NE(finished.err.find("file_exists"), std::string::npos) << finished.err;
+  EXPECT_EQ(finished.out, "") << "before the run";
+  EXPECT_EQ(read_file(picture), "an old picture");
 }
 
 TEST(Bench, APictureThatCannotBeIsRefusedBeforeTheRun) {
@@ -81,7 +91,7 @@ TEST(Bench, ALinkKeepsLeadingToThePictureAndADeviceIsNoPicture) {
   const std::string picture = folder.write("picture", "an old picture");
   const std::string link = folder.path("bench.svg");
   std::filesystem::create_symlink(picture, link);
-  EXPECT_EQ(bench({"--plot", link}).exit_code, 0);
+  EXPECT_EQ(bench({"--plot", link, "--yes"}).exit_code, 0);
   EXPECT_TRUE(std::filesystem::is_symlink(link));
   EXPECT_NE(read_file(picture).find("</svg>"), std::string::npos);
   const std::string pipe = folder.path("pipe.svg");
@@ -97,7 +107,7 @@ TEST(Bench, APictureThatFailsIsSaidAfterTheFiguresAndLeavesTheOldOne) {
   // The longest name that a file may have: none is left for the one beside it.
   const std::string name = std::string(251, 'x') + ".svg";
   const std::string picture = folder.write(name, "an old picture");
-  const Finished finished = bench({"--plot", picture});
+  const Finished finished = bench({"--plot", picture, "--yes"});
   EXPECT_EQ(read_file(picture), "an old picture");
   EXPECT_EQ(finished.exit_code, 1);
   EXPECT_NE(finished.err.find("plot_failed"), std::string::npos) << finished.err;

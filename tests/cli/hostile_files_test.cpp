@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "eeprom_journal.hpp"
+#include "plain_text.hpp"
 #include "process.hpp"
 #include "safe_file.hpp"
 
@@ -131,6 +132,33 @@ TEST(HostileFiles, AFileThatIsReplacedKeepsItsPermissions) {
     ASSERT_TRUE(cli::replace_file(path, "new"));
     EXPECT_EQ(fs::status(path).permissions(), mode);
   }
+}
+
+// A terminal does what control characters say: it could be cleared, and show a remedy that is none.
+TEST(HostileFiles, WhatTheySayDoesNotReachTheTerminalAsItIs) {
+  EXPECT_EQ(cli::plain_text("a\x1b[2J\nb\tc\x7f \u009b \u00b5s"), "a?[2J?b?c? ? \u00b5s");
+  EXPECT_EQ(cli::plain_text("0123456789", 4), "0123...");
+  EXPECT_EQ(cli::plain_lines("a\nb\x1b"), "a\nb?");
+
+  const TemporaryFolder folder;
+  const std::string image = folder.path("motor.bin");
+  ASSERT_EQ(run({"eeprom", "dump", "sim:", "-o", image, "--virtual"}).exit_code, 0);
+  cli::EepromJournal journal;
+  journal.port = "\x1b]0;title\x07\n  remedy: type --undo" + std::string(100'000, 'x');
+  journal.wanted.shape = journal.before.shape = {7, 127};
+  journal.wanted.bytes = journal.before.bytes = std::vector<std::uint8_t>(889, 0xFF);
+  ASSERT_TRUE(cli::create_journal(image + ".journal", journal));
+  const Finished restored = run({"eeprom", "restore", "sim:eeprom_seed=3", image, "--virtual", "--yes"});
+  EXPECT_NE(restored.exit_code, 0);
+  EXPECT_NE(restored.err.find("?]0;title"), std::string::npos) << restored.err.substr(0, 1'000);
+  EXPECT_EQ(restored.err.find('\x1b'), std::string::npos);
+  EXPECT_EQ(restored.err.find("\n  remedy: type --undo"), std::string::npos);
+  EXPECT_LT(restored.err.size(), 20'000U);
+
+  const std::string profile = folder.write("x.toml", "name = \"\\u001b[2J\"");
+  const Finished named = run({"decode", "--profile", profile, "02"});
+  EXPECT_EQ(named.exit_code, 2);
+  EXPECT_NE(named.err.find("without control characters"), std::string::npos) << named.err;
 }
 
 }  // namespace

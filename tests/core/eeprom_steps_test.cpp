@@ -232,6 +232,47 @@ TEST_F(EepromSteps, AWriteWithoutEchoLeavesItsPageUnconfirmedIfNothingIsKnown) {
   EXPECT_EQ(manager->progress().unconfirmed_pages, 1U << 2);
 }
 
+// Found by the campaign (seed 20261122, run 279682): a byte that was added on the line made another write of a request, which
+// went to the byte before, written and read back already; its echo was garbled. The task said that all was written.
+TEST_F(EepromSteps, BehindAWriteWithoutEchoTheTasksOwnBytesAreLookedAtAgain) {
+  const std::array<std::uint8_t, 3> wanted{0x3C, 0x31, 0xFA};
+  ASSERT_TRUE(manager->start_write(0x41, wanted));
+  bool redirected = false;
+  while (manager->active()) {
+    const Request request = ask();
+    if (request.id() == DataId::eeprom_write && request.address() == 0x42 && !redirected) {
+      redirected = true;
+      memory[0x41] = 0x42;
+      fail(request);
+    } else {
+      obey(request);
+    }
+  }
+  EXPECT_EQ(outcome().code, Errc::ok);
+  for (unsigned i = 0; i < 3; ++i) EXPECT_EQ(memory[0x41 + i], wanted[i]) << i;
+  EXPECT_EQ(manager->progress().done, 3U);
+  EXPECT_EQ(manager->progress().writes, 5U) << "three, one that failed, one put back";
+}
+
+TEST_F(EepromSteps, ButNotForEver) {
+  const std::array<std::uint8_t, 2> wanted{1, 2};
+  ASSERT_TRUE(manager->start_write(10, wanted));
+  unsigned writes = 0;
+  while (manager->active() && writes < 1'000) {
+    const Request request = ask();
+    if (request.id() == DataId::eeprom_write) {  // each does its work, and undoes that of the other unseen
+      ++writes;
+      memory.at(request.address()) = request.data();
+      memory.at(21U - request.address()) = 0x99;
+      fail(request);
+    } else {
+      obey(request);
+    }
+  }
+  EXPECT_EQ(outcome().code, Errc::eeprom_mismatch);
+  EXPECT_LT(writes, 20U);
+}
+
 TEST_F(EepromSteps, ABytePutBackThatDoesNotTakeEndsIt) {
   manager.emplace(profile, EepromKnowledge{value, known});
   known.fill(true);

@@ -146,19 +146,35 @@ TEST(EepromFile, ASaveReplacesTheFileBehindALinkAndKeepsItsMode) {
   EXPECT_FALSE(fs::exists(path + ".new"));
 }
 
-TEST(EepromFile, WhatLiesAtTheNameOfTheNewFileIsNotWrittenTo) {
+TEST(EepromFile, WhatLiesBesideItIsLeftAlone) {
   const TemporaryDirectory directory;
   const std::string path = directory.file("eeprom");
   const std::string victim = directory.file("victim");
   std::ofstream{victim, std::ios::binary} << "mine";
+  const std::string beside = path + "." + std::to_string(::getpid());
   fs::create_hard_link(victim, path + ".new");
+  fs::create_hard_link(victim, beside + ".0.new");
+  ASSERT_EQ(::mkfifo((beside + ".1.new").c_str(), 0600), 0);  // opening it would wait for a reader
+  fs::create_symlink(victim, beside + ".2.new");
   Server server = pty_server();
   ASSERT_TRUE(server.keep_eeprom(path).has_value());
-  EXPECT_EQ(content_of(victim), (Bytes{'m', 'i', 'n', 'e'}));
-  ASSERT_EQ(::mkfifo((path + ".new").c_str(), 0600), 0);  // opening it would wait for a reader
-  Server another = pty_server();
-  ASSERT_TRUE(another.keep_eeprom(path).has_value());
   EXPECT_EQ(content_of(path), Bytes(889, 0xFF));
+  for (const std::string& name : {victim, path + ".new", beside + ".0.new", beside + ".2.new"})
+    EXPECT_EQ(content_of(name), (Bytes{'m', 'i', 'n', 'e'})) << name;
+  EXPECT_TRUE(fs::is_fifo(beside + ".1.new"));
+}
+
+TEST(EepromFile, ASaveKeepsThePermissions) {
+  const TemporaryDirectory directory;
+  const std::string path = directory.file("eeprom");
+  ASSERT_TRUE(pty_server().keep_eeprom(path).has_value());
+  for (const auto mode : {fs::perms::owner_read | fs::perms::owner_write,
+                          fs::perms::owner_read | fs::perms::owner_write | fs::perms::group_read |
+                              fs::perms::group_write | fs::perms::others_read}) {
+    fs::permissions(path, mode);
+    ASSERT_TRUE(pty_server().keep_eeprom(path).has_value());
+    EXPECT_EQ(fs::status(path).permissions(), mode);
+  }
 }
 
 TEST(EepromFile, AFolderThatIsGoneEndsTheServerWithAnError) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "commands.hpp"
+#include "confirm.hpp"
 #include "direction_view.hpp"
 #include "json_output.hpp"
 #include "output.hpp"
@@ -225,8 +226,10 @@ int run_bench(const BenchOptions& options) {
   settings.cycle.period = *period;
   const auto seconds = duration(options.seconds);
   if (!seconds) return report(seconds.error());
-  if (!options.plot.empty())
+  if (!options.plot.empty()) {
     if (const auto file = check_plot_file(options.plot); !file) return report(file.error());
+    if (const auto free = may_replace(options.yes, options.plot); !free) return report(free.error());
+  }
 
   const auto opened = Session::open(settings);
   if (!opened) return report(opened.error());

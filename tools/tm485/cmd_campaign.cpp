@@ -114,15 +114,6 @@ JsonObject json_of(const RunSetup& setup, const Violation& violation) {
   return json;
 }
 
-/// The command that does the same run again.
-std::string replay_command(const RunSetup& setup) {
-  std::string plan;
-  for (const sim::FaultLine& line : setup.plan.lines())
-    plan += (plan.empty() ? "" : "; ") + sim::FaultPlan::to_text(line);
-  return fmt::format("tm485 campaign --replay {}:{} --cycles {} --plan '{}'", setup.seed, setup.run,
-                     setup.cycles, plan.empty() ? "#" : plan);
-}
-
 /// How long a campaign took: by the clock, and of processors.
 struct Duration {
   double clock = 0.0;
@@ -253,8 +244,8 @@ int failed(const CampaignCommandOptions& options, Output& output, const Campaign
     json.set("totals", json_of(result.totals))
         .set("failure", json_of(*result.failed, result.violation))
         .set("minimal", json_of(least.setup, least.violation))
-        .set("replay", fmt::format("tm485 campaign --replay {}:{}", result.failed->seed, result.failed->run))
-        .set("replay_minimal", replay_command(least.setup));
+        .set("replay", result.failed->replay_command())
+        .set("replay_minimal", least.setup.replay_command());
     output.write(json.text() + "\n");
     return finish(output, kExitFailure);
   }
@@ -266,9 +257,8 @@ int failed(const CampaignCommandOptions& options, Output& output, const Campaign
   output.write(fmt::format("\nfails as well ({} runs tried), at cycle {}, with the plan:\n{}", least.tries,
                            least.violation.cycle,
                            least.setup.plan.empty() ? "(no fault)\n" : least.setup.plan.to_text()));
-  output.write(fmt::format("\nagain, with a trace:\n  tm485 campaign --replay {}:{} --cycles {}\n  {}\n",
-                           result.failed->seed, result.failed->run, result.failed->cycles,
-                           replay_command(least.setup)));
+  output.write(fmt::format("\nagain, with a trace:\n  {}\n  {}\n", result.failed->replay_command(),
+                           least.setup.replay_command()));
   return finish(output, kExitFailure);
 }
 

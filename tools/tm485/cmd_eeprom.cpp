@@ -1,8 +1,6 @@
 // tm485 eeprom read, write, dump, verify and diff. restore is in cmd_eeprom_restore.cpp.
 
 #include <fmt/format.h>
-#include <sys/stat.h>
-
 #include <algorithm>
 
 #include "confirm.hpp"
@@ -174,20 +172,9 @@ int run_eeprom_write(const EepromOptions& options) {
   return print(json.text() + '\n');
 }
 
-namespace {
-/// An older image may be the only one of what an encoder held. Asked before the port is opened.
-std::expected<void, Problem> may_replace(const EepromOptions& options) {
-  struct stat status{};
-  if (::stat(options.file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return {};
-  if (!can_confirm(options.yes, "--yes"))
-    return std::unexpected(usage_problem("file_exists", fmt::format("'{}' exists already", options.file),
-                                         "choose another name, or add --yes to replace it"));
-  return confirm(options.yes, fmt::format("Replace '{}'?", options.file), "yes");
-}
-}  // namespace
-
 int run_eeprom_dump(const EepromOptions& options) {
-  if (const auto free = may_replace(options); !free) return report(free.error());
+  // An older image may be the only one of what an encoder held.
+  if (const auto free = may_replace(options.yes, options.file); !free) return report(free.error());
   auto encoder = open_eeprom(options);
   if (!encoder) return report(encoder.error());
   const auto image = read_image(*encoder, "reading");

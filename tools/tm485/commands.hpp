@@ -64,6 +64,7 @@ struct BenchOptions {
   std::string seconds = "2";
   bool virtual_time = false;
   std::string plot;  ///< picture to draw, .png or .svg; empty: none
+  bool yes = false;  ///< it may replace one
 };
 int run_bench(const BenchOptions& options);
 

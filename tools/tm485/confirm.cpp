@@ -1,6 +1,7 @@
 #include "confirm.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -39,6 +40,15 @@ std::expected<void, Problem> confirm(bool answered, const std::string& question,
   if (reader.next(line) == LineReader::Result::line && lower(line) == word) return {};
   return std::unexpected(usage_problem("declined", fmt::format("the answer was not '{}'", word),
                                        "nothing was changed; run the command again to be asked again"));
+}
+
+std::expected<void, Problem> may_replace(bool answered, const std::string& file) {
+  struct stat status{};
+  if (::stat(file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return {};
+  if (!can_confirm(answered, "--yes"))
+    return std::unexpected(usage_problem("file_exists", fmt::format("'{}' exists already", file),
+                                         "choose another name, or add --yes to replace it"));
+  return confirm(answered, fmt::format("Replace '{}'?", file), "yes");
 }
 
 }  // namespace tm485::cli

@@ -18,4 +18,8 @@ namespace tm485::cli {
 [[nodiscard]] std::expected<void, Problem> confirm(bool answered, const std::string& question,
                                                    std::string_view word);
 
+/// Asks whether a file that exists may be replaced, before anything else is done. Problem: file_exists (exit code 2), if
+/// nobody can be asked; declined.
+[[nodiscard]] std::expected<void, Problem> may_replace(bool answered, const std::string& file);
+
 }  // namespace tm485::cli

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "hex_input.hpp"
+#include "plain_text.hpp"
 #include "safe_file.hpp"
 
 namespace tm485::cli {
@@ -76,12 +77,12 @@ std::expected<EepromImage, Problem> parse_json_image(std::string_view content, c
   if (stated != crc32_text(image.bytes))
     return std::unexpected(
         usage_problem("image_checksum",
-                      fmt::format("'{}': its \"crc32\" is \"{}\", that of its bytes {}", file, stated,
-                                  crc32_text(image.bytes)),
+                      fmt::format("'{}': its \"crc32\" is \"{}\", that of its bytes {}", file,
+                                  plain_text(stated), crc32_text(image.bytes)),
                       "the file is damaged: use another copy. If you have changed bytes on purpose, put "
                       "the checksum of its bytes into \"crc32\""));
-  image.profile = text_of(json, "profile");
-  image.date = text_of(json, "date");
+  image.profile = plain_text(text_of(json, "profile"));
+  image.date = plain_text(text_of(json, "date"));
   if (const auto enid = json.find("enid"); enid != json.end() && enid->is_number_unsigned())
     if (const auto value = enid->get<std::uint64_t>(); value <= 0xFF)
       image.enid = static_cast<std::uint8_t>(value);

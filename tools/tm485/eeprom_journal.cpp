@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "plain_text.hpp"
 #include "safe_file.hpp"
 
 namespace tm485::cli {
@@ -15,6 +16,8 @@ using Json = nlohmann::ordered_json;
 constexpr std::string_view kFormat = "tm485-eeprom-journal";
 constexpr int kVersion = 1;
 constexpr std::size_t kLargestFile = 131'072;
+constexpr std::size_t kLongestPath = 4'096;
+constexpr std::size_t kMostJournals = 10'000;  // of one image
 
 Problem bad_journal(const std::string& path, std::string_view why) {
   return usage_problem("bad_journal", fmt::format("'{}' is no journal of a restore: {}", path, why),
@@ -58,13 +61,16 @@ std::string next_journal(const std::string& base, std::size_t existing) {
 std::expected<std::vector<JournalFile>, Problem> journals_of(const std::string& base,
                                                              const EepromShape& shape) {
   std::vector<JournalFile> all;
-  while (true) {
+  while (all.size() <= kMostJournals) {
     std::string path = next_journal(base, all.size());
     auto journal = load_journal(path, shape);
     if (!journal) return std::unexpected(std::move(journal.error()));
     if (!*journal) return all;
     all.push_back({std::move(path), std::move(**journal)});
   }
+  return std::unexpected(usage_problem(
+      "too_many_journals", fmt::format("there are more than {} journals of '{}'", kMostJournals, base),
+      "move those of restores that need no --undo any more to another folder"));
 }
 
 namespace {
@@ -128,7 +134,7 @@ std::expected<EepromJournal, Problem> parse_journal(const std::string& content, 
   if (!before) return std::unexpected(std::move(before.error()));
   const auto text = [&json](const char* key) {
     const Json value = json.value(key, Json());
-    return value.is_string() ? value.get<std::string>() : std::string();
+    return value.is_string() ? plain_text(value.get<std::string>(), kLongestPath) : std::string();
   };
   return EepromJournal{*state, text("port"), text("backup_file"), std::move(*wanted), std::move(*before)};
 }
@@ -155,13 +161,12 @@ std::string journal_text(const EepromJournal& journal) {
 }
 
 std::expected<std::string, Problem> create_journal(const std::string& base, const EepromJournal& journal) {
-  constexpr std::size_t kMost = 10'000;
   const std::string text = journal_text(journal);
   for (std::size_t existing = 0;; ++existing) {
     std::string path = next_journal(base, existing);
     auto created = create_file(path, text);
     if (created) return path;
-    if (created.error().name != "file_exists" || existing == kMost)
+    if (created.error().name != "file_exists" || existing == kMostJournals)
       return std::unexpected(std::move(created.error()));
   }
 }

@@ -153,8 +153,8 @@ void add_bench(CLI::App& root, Commands& commands) {
                  "Time (62.5us) or rate (16kHz) of the cycle; default: the shortest possible");
   app.add_option("--seconds", options.seconds, "How long, in seconds or with a unit")->capture_default_str();
   app.add_flag("--virtual", options.virtual_time, "Virtual time instead of the real clock (sim: only)");
-  app.add_option("--plot", options.plot,
-                 "FILE.png or FILE.svg: draw the histograms; an old file is replaced");
+  app.add_option("--plot", options.plot, "FILE.png or FILE.svg: draw the histograms");
+  app.add_flag("--yes", options.yes, "Replace an old picture without asking");
   app.footer(
       "Up to a million values of each time are kept; of more, a random choice.\n"
       "Examples:\n"

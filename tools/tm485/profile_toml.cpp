@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 
+#include "plain_text.hpp"
 #include "quantity.hpp"
 
 namespace tm485::cli {
@@ -134,10 +135,11 @@ void read_alarms(AlarmPolicy& alarms, const toml::node& node) {
 /// Profile::name is a view: the names live as long as the process, each once.
 void read_name(std::string_view& name, const toml::node& node) {
   constexpr std::size_t kLongest = 64;
-  constexpr std::string_view kExpected = "a text of up to 64 bytes";
+  constexpr std::string_view kExpected = "a text of up to 64 bytes, without control characters";
   static std::set<std::string, std::less<>> names;
   const std::string_view text = text_of(node, kExpected);
-  if (text.size() > kLongest) complain(node, fmt::format("expected {}", kExpected));
+  if (text.size() > kLongest || plain_text(text) != text)
+    complain(node, fmt::format("expected {}", kExpected));
   name = *names.emplace(text).first;
 }
 

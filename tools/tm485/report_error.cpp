@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "plain_text.hpp"
 #include "problem.hpp"
 
 namespace tm485::cli {
@@ -19,7 +20,8 @@ int report(const Problem& problem) {
   std::fflush(stdout);
   std::string text = fmt::format("tm485: {}: {}\n", problem.name, problem.cause);
   if (!problem.remedy.empty()) text += fmt::format("  remedy: {}\n", problem.remedy);
-  std::fputs(text.c_str(), stderr);
+  // A cause may quote a file that somebody else has made.
+  std::fputs(plain_lines(text).c_str(), stderr);
   return problem.exit_code;
 }
 

@@ -47,9 +47,21 @@ bool write_all(int fd, std::span<const std::uint8_t> bytes) {
   return true;
 }
 
+/// A file of a new name, written to `name`: what lies beside `path` is somebody's, a link or a pipe perhaps, and is left alone.
+FileDescriptor create_beside(const std::string& path, mode_t mode, std::string& name) {
+  constexpr int kMostLeftovers = 16;  // of processes that were killed
+  int file = -1;
+  for (int attempt = 0; attempt < kMostLeftovers && file < 0; ++attempt) {
+    name = path + "." + std::to_string(::getpid()) + "." + std::to_string(attempt) + ".new";
+    file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+    if (file < 0 && errno != EEXIST) break;
+  }
+  return FileDescriptor{file};
+}
+
 }  // namespace
 
-EepromFile::EepromFile(const std::string& path) : path_{without_links(path)}, mode_{kNewFileMode} {}
+EepromFile::EepromFile(const std::string& path) : path_{without_links(path)} {}
 
 std::expected<std::optional<std::vector<std::uint8_t>>, ServerError> EepromFile::load(std::size_t size) {
   const std::string what = "loading the EEPROM from '" + path_ + "'";
@@ -67,7 +79,6 @@ std::expected<std::optional<std::vector<std::uint8_t>>, ServerError> EepromFile:
                        std::to_string(size),
                    "choose another file; one that does not exist is created");
   }
-  mode_ = status.st_mode & kPermissions;
   std::vector<std::uint8_t> bytes(size);
   if (!read_all(file.get(), bytes)) return failed(what, "check the file system of the path");
   return bytes;
@@ -77,13 +88,14 @@ std::expected<void, ServerError> EepromFile::save(std::span<const std::uint8_t> 
   const std::string what = "saving the EEPROM to '" + path_ + "'";
   const char* const remedy =
       "choose a path in a directory that exists, that you may write, and that has space";
-  const std::string fresh = path_ + ".new";
-  // What lies there is a leftover, or somebody else's link or pipe: never written to.
-  ::unlink(fresh.c_str());
-  FileDescriptor file{::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode_)};
+  struct stat old{};
+  const bool replaces = ::stat(path_.c_str(), &old) == 0;
+  const mode_t mode = old.st_mode & kPermissions;
+  std::string fresh;
+  const FileDescriptor file = create_beside(path_, replaces ? mode : kNewFileMode, fresh);
   if (!file.is_open()) return failed(what, remedy);
-  if (!write_all(file.get(), bytes) || ::fsync(file.get()) != 0 ||
-      ::rename(fresh.c_str(), path_.c_str()) != 0) {
+  if (!write_all(file.get(), bytes) || (replaces && ::fchmod(file.get(), mode) != 0) ||
+      ::fsync(file.get()) != 0 || ::rename(fresh.c_str(), path_.c_str()) != 0) {
     const auto error = failed(what, remedy);
     ::unlink(fresh.c_str());
     return error;

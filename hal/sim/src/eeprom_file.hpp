@@ -5,8 +5,6 @@
 // one file overwrite each other: whoever saves last has it.
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <expected>
 #include <optional>
@@ -28,12 +26,11 @@ class EepromFile {
   /// regular file, or has another size.
   [[nodiscard]] std::expected<std::optional<std::vector<std::uint8_t>>, ServerError> load(std::size_t size);
 
-  /// Makes `bytes` the content of the file. An error leaves it as it was.
+  /// Makes `bytes` the content of the file; permissions of an old one are kept. An error leaves it as it was.
   [[nodiscard]] std::expected<void, ServerError> save(std::span<const std::uint8_t> bytes) const;
 
  private:
   std::string path_;
-  mode_t mode_;
 };
 
 }  // namespace tm485::sim

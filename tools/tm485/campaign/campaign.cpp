@@ -187,6 +187,7 @@ std::string describe(const Violation& violation) {
     case Rule::statistics:
       return fmt::format("the bus counts {}, seen were {}", violation.seen, violation.allowed);
     case Rule::eeprom:
+    case Rule::restart:
     case Rule::reset:
     case Rule::axis:
     case Rule::command:

@@ -38,6 +38,7 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       shape_(shape_of(id_)),
       shaft_(setup.shaft),
       bits_(profile.profile().single_turn_bits),
+      battery_(profile.profile().battery),
       resets_(setup.background == Background::resets),
       slow_(setup.latency > Time{0}),
       writes_hold_(setup.writes_hold_the_line()),
@@ -54,7 +55,8 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       uncertain_(most_turned(profile, profile.profile().latch_uncertainty)),
       earlier_(setup.latency + kLongestExchange),
       stopping_(stopping(profile)),
-      clear_since_(encoder.model().config().boot_time) {}
+      clear_since_(encoder.model().config().boot_time),
+      power_ups_(encoder.model().statistics().power_ups) {}
 
 Judge::Shape Judge::shape_of(DataId id) noexcept {
   switch (id) {

@@ -42,6 +42,8 @@ class Judge {
   /// Something has the line to itself until then, and says so; no sample is owed before.
   void pause(Time until) noexcept { clear_since_ = std::max(clear_since_, until); }
   void end_pause(Time now) noexcept { clear_since_ = std::min(clear_since_, now); }
+  /// The loop has asked for its position to be called referenced.
+  void on_homed() noexcept { homed_ = true; }
   /// Zero or turns were set anew: positions have nothing to do with those before.
   void on_new_origin() noexcept { new_origin_ = true; }
 
@@ -110,6 +112,7 @@ class Judge {
     if (sample.latch_time() < record.start || sample.latch_time() > now)
       return fail(Rule::stale, now, (sample.latch_time() - record.start).count(),
                   (now - record.start).count());
+    if (!knows_where_it_began(sample, now)) return false;
     const Time before = fresh_latch_;
     if (through_startup_ && !find_origin(sample, now)) [[unlikely]]
       return false;
@@ -138,6 +141,16 @@ class Judge {
         return fail(Rule::broken_frame, now, encoder_->faults().last_reply().count, shape_.length);
     }
     return on_position(sample, now);
+  }
+
+  /// Is it behind the start-up that a power-up of the encoder asks for, and referenced only by a battery or a command?
+  [[nodiscard]] bool knows_where_it_began(const Sample& sample, Time now) noexcept {
+    const std::uint64_t power_ups = encoder_->model().statistics().power_ups;
+    if (power_ups != power_ups_) [[unlikely]]
+      return fail(Rule::restart, now, static_cast<std::int64_t>(power_ups),
+                  static_cast<std::int64_t>(power_ups_), "fresh behind a power-up without a start-up");
+    return !sample.referenced() || battery_ || homed_ ||
+           fail(Rule::restart, now, 1, 0, "referenced, and nobody has homed it");
   }
 
   /// A port with wire timestamps knows the latch; with one without, the sample says how far off it may be.
@@ -196,6 +209,10 @@ class Judge {
     return since <= bound || fail(Rule::recovery, now, since.count(), bound.count());
   }
   void on_startup(const Sample& sample) noexcept {
+    if (const std::uint64_t power_ups = encoder_->model().statistics().power_ups; power_ups != power_ups_) {
+      power_ups_ = power_ups;
+      homed_ = homed_ && carries_turns_;
+    }
     if (writes_hold_) pause(encoder_->model().eeprom().busy_until());  // a write that start-up has cut off
     through_startup_ = true;
     could_stand_ = true;  // of a sensor that has stood still through the start-up nothing is known
@@ -209,6 +226,7 @@ class Judge {
   Shape shape_;
   sim::MotionProfile shaft_;
   unsigned bits_;
+  bool battery_;
   bool resets_;
   bool slow_;
   bool writes_hold_;
@@ -235,6 +253,8 @@ class Judge {
   bool any_fresh_ = false;
   bool new_origin_ = false;
   bool through_startup_ = true;
+  bool homed_ = false;           // on command, since the encoder was powered
+  std::uint64_t power_ups_;      // as of the last start-up
   bool other_before_ = false;    // the last record is not of a cycle
   bool behind_another_ = false;  // and so was the one before the last cycle
   bool shown_fresh_ = false;

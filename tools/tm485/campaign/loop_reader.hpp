@@ -188,7 +188,10 @@ class LoopReader {
       return judge.fail(Rule::command, now, kAxisCommands + 1, kAxisCommands,
                         "more commands than there is room for");
     *place = {*ticket, command, now, referenced_};
-    homed_ = homed_ || command.kind == Command::Kind::set_referenced;
+    if (command.kind == Command::Kind::set_referenced) {
+      homed_ = true;
+      judge.on_homed();
+    }
     ++judge.totals().commands;
     return true;
   }

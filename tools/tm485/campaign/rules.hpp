@@ -32,16 +32,18 @@ enum class Rule : std::uint8_t {
   t1,                ///< T1 holds by the model's count
   statistics,        ///< what the bus counts is what was seen
   eeprom,            ///< what a background task has read, or says to have written, is what the EEPROM holds
-  reset,             ///< a run of resets that was verified is done, and none that nobody has asked for
-  axis,              ///< what a servo loop is told, and that it stays told to let go
-  command,           ///< each command of a loop ends once, and with its own reply
-  heap,              ///< nothing is allocated in the cycles
-  refused,           ///< the cycle can be started at all
+  restart,  ///< behind a power-up of the encoder nothing is fresh before a start-up, or referenced unasked
+  reset,    ///< a run of resets that was verified is done, and none that nobody has asked for
+  axis,     ///< what a servo loop is told, and that it stays told to let go
+  command,  ///< each command of a loop ends once, and with its own reply
+  heap,     ///< nothing is allocated in the cycles
+  refused,  ///< the cycle can be started at all
 };
 [[nodiscard]] constexpr std::string_view name(Rule rule) noexcept {
-  constexpr std::array<std::string_view, 14> kNames{
-      "position", "broken_frame", "stale", "failed_and_fresh", "loss", "recovery", "t1", "statistics",
-      "eeprom",   "reset",        "axis",  "command",          "heap", "refused"};
+  constexpr std::array<std::string_view, 15> kNames{"position", "broken_frame", "stale",  "failed_and_fresh",
+                                                    "loss",     "recovery",     "t1",     "statistics",
+                                                    "eeprom",   "restart",      "reset",  "axis",
+                                                    "command",  "heap",         "refused"};
   return kNames[static_cast<std::size_t>(rule)];
 }
 

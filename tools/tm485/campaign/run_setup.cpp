@@ -200,6 +200,14 @@ Time RunSetup::time_of_positions(int positions) const noexcept {
   return undisturbed + (servo ? position_time() : cycle_time()) * taken;
 }
 
+std::string RunSetup::replay_command() const {
+  std::string lines;
+  for (const sim::FaultLine& line : plan.lines())
+    lines += (lines.empty() ? "" : "; ") + sim::FaultPlan::to_text(line);
+  return fmt::format("tm485 campaign --replay {}:{} --cycles {} --plan '{}'", seed, run, cycles,
+                     lines.empty() ? "#" : lines);
+}
+
 std::string RunSetup::text() const {
   std::string reads;
   for (std::size_t k = 0; k < pattern.size(); ++k) {

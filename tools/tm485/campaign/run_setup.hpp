@@ -56,6 +56,8 @@ struct RunSetup {
 
   /// Everything but the plan, on one line.
   [[nodiscard]] std::string text() const;
+  /// The command that does the same run again.
+  [[nodiscard]] std::string replay_command() const;
   /// What the simulated encoder is told.
   [[nodiscard]] sim::SimOptions sim_options() const;
   /// From one request of the cycle to the next, at most, without a fault.

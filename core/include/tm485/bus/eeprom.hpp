@@ -140,6 +140,7 @@ class BasicEepromManager {
   static constexpr std::uint8_t kMostSelects = 6;   ///< of one page, in a row
   static constexpr std::uint8_t kPageLooks = 2;     ///< that agree: a checksum can fit to a wrong reply
   static constexpr std::uint8_t kMostSweeps = 60;   ///< of pages, while one byte is dealt with
+  static constexpr std::uint8_t kMostRounds = 6;    ///< of a task's bytes, if writes stay without echo
   static constexpr std::uint8_t kMostBusy = 200;    ///< looks at a busy EEPROM, kBusyPause apart
   static constexpr Time kBusyPause{500'000};
 
@@ -202,6 +203,9 @@ class BasicEepromManager {
   std::uint8_t selects_ = 0;
   std::uint8_t sweeps_ = 0;
   std::uint8_t busy_looks_ = 0;
+  std::uint8_t rounds_ = 0;
+  bool again_ =
+      false;  ///< a write may have gone to a byte that is dealt with already: all are looked at once more
   Time wait_until_{0};
   Time last_heard_ = -kNever;
   Time failing_since_ = kNever;

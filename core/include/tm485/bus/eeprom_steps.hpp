@@ -26,7 +26,8 @@ std::expected<void, Errc> BasicEepromManager<D>::begin(Task task, unsigned first
   phase_ = Phase::read;
   suspect_ = Suspect::none;
   doubted_ = 0;
-  tries_ = rewrites_ = selects_ = sweeps_ = busy_looks_ = 0;
+  tries_ = rewrites_ = selects_ = sweeps_ = busy_looks_ = rounds_ = 0;
+  again_ = false;
   wait_until_ = Time{0};
   failing_since_ = kNever;
   // Begins in the page that is selected now, if the range has all of it from its first byte: one change less.
@@ -76,8 +77,15 @@ void BasicEepromManager<D>::next_byte() noexcept {
   phase_ = Phase::read;
   rewrites_ = 0;
   sweeps_ = 0;
-  if (++progress_.done == count_) return end(first_mismatch_.value_or(EepromError{}));
+  const unsigned before = at_;
   if (++at_ == first_ + count_) at_ = first_;
+  if (++progress_.done != count_) return;
+  if (!again_) return end(first_mismatch_.value_or(EepromError{}));
+  if (++rounds_ > kMostRounds)
+    return end({Errc::eeprom_mismatch, page_of(before), address_of(before), from_[before - first_],
+                from_[before - first_]});
+  again_ = false;
+  progress_.done = 0;
 }
 
 template <class D>
@@ -211,6 +219,7 @@ void BasicEepromManager<D>::doubt_bytes_of(std::uint8_t page) noexcept {
   if (page >= profile_->profile().eeprom_pages) return;
   if (known_.known.empty()) {
     progress_.unconfirmed_pages |= bit(page);
+    again_ = task_ == Task::write;
     return;
   }
   if (++sweeps_ > kMostSweeps) return fail(Errc::eeprom_mismatch);
