@@ -1,9 +1,10 @@
 // Residual error: how many samples with a wrong position get through, by CRC alone, by strict parsing, and by the whole
 // receiving side of core, from bytes to the sample of the bus. docs/safety.md has the result.
 //
-//   tm485_residual_error [--frames N] [--seed S] [--jobs J] [--line NAME] [--period US] [--json]
+//   tm485_residual_error [--frames N] [--seed S] [--jobs J] [--line NAME] [--period US]
+//                        [--uncertainty US] [--json]
 //
-// US: the period, default 62.5. N: ID3 frames on each line as they come (default 10^7); N / 4 more with a pattern that CRC and
+// US: the period, default 62.5; by how much the latch is off at most, default 0.5. N: ID3 frames on each line as they come (default 10^7); N / 4 more with a pattern that CRC and
 // strict parsing let pass put into about one of 64, and N / 4 with one behind each restart. The weight of those: how often the
 // line makes such a pattern, by a closed form for independent bits, by counting for bursts. 95 % bounds: Clopper-Pearson.
 #include <algorithm>
@@ -31,6 +32,7 @@ struct Options {
   unsigned jobs = 1;
   std::string line;
   std::int64_t period_ns = 62'500;
+  std::int64_t uncertainty_ns = 500;
   bool json = false;
 };
 
@@ -68,6 +70,8 @@ bool parse(int argc, char** argv, Options& options) {
       options.seed = static_cast<std::uint64_t>(number);
     } else if (name == "--period" && number >= 62.5 && number <= 4'000) {
       options.period_ns = static_cast<std::int64_t>(number * 1'000);
+    } else if (name == "--uncertainty" && number <= 1'000) {
+      options.uncertainty_ns = static_cast<std::int64_t>(number * 1'000);
     } else if (name == "--jobs" && number >= 1 && number <= 256) {
       options.jobs = static_cast<unsigned>(number);
     } else {
@@ -84,7 +88,7 @@ int main(int argc, char** argv) {
   if (!parse(argc, argv, options)) {
     std::fputs(
         "usage: tm485_residual_error [--frames N] [--seed S] [--jobs J] [--line NAME] [--period US] "
-        "[--json]\n",
+        "[--uncertainty US] [--json]\n",
         stderr);
     return 2;
   }
@@ -108,6 +112,7 @@ int main(int argc, char** argv) {
     plan.line = line.line;
     plan.frames = options.frames;
     plan.period_ns = options.period_ns;
+    plan.uncertainty_ns = options.uncertainty_ns;
     result.natural = run_all(plan, options.jobs, seed);
     plan.frames = options.frames / 4;
     plan.pool = result.patterns.strict.bursts;
@@ -126,6 +131,7 @@ int main(int argc, char** argv) {
   missing.frames = options.frames / 4;
   missing.missing = 0.1;
   missing.period_ns = options.period_ns;
+  missing.uncertainty_ns = options.uncertainty_ns;
   const Counts clean = run_all(missing, options.jobs, seed);
   if (options.json)
     print_json(results, clean);

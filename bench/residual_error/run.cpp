@@ -23,13 +23,13 @@ constexpr double kRpm = 6'000;  // the defaults of AxisConfig: what the gate bel
 constexpr double kRpmPerSecond = 1'000'000;
 constexpr Time kCharacter{4'000};
 constexpr Time kDelay{3'000};
-constexpr double kJitter = 500e-9;  // of the latch, either way: what the profile states
 
 /// The encoder on its noisy line.
 class Encoder {
  public:
   explicit Encoder(const Plan& plan)
       : plan_(plan),
+        jitter_(static_cast<double>(plan.uncertainty_ns) * 1e-9),
         random_(plan.seed),
         shaft_(kRpm, kRpmPerSecond, random_),
         noise_(plan.line, random_),
@@ -83,7 +83,7 @@ class Encoder {
 
  private:
   void id3() {
-    sent_ = static_cast<std::int64_t>(std::floor(shaft_.position_at(kJitter * (2 * random_.uniform() - 1))));
+    sent_ = static_cast<std::int64_t>(std::floor(shaft_.position_at(jitter_ * (2 * random_.uniform() - 1))));
     reply_ = id3_frame(sent_);
     length_ = kBytes;
     ++frames_;
@@ -102,6 +102,7 @@ class Encoder {
   }
 
   Plan plan_;
+  double jitter_;
   Random random_;
   Shaft shaft_;
   Noise noise_;
@@ -210,7 +211,11 @@ Counts run(const Plan& plan) {
   tm485::BusConfig config;
   config.cycle = tm485::Cycle{.period = Time{plan.period_ns}};
   config.axis.reference_turn = 0;
-  Bus<Encoder> bus(encoder, kProfile, config);
+  tm485::Profile stated;
+  stated.latch_uncertainty = Time{plan.uncertainty_ns};
+  const auto profile = tm485::CompiledProfile::compile(stated);
+  if (!profile) throw std::runtime_error("the profile is refused");
+  Bus<Encoder> bus(encoder, *profile, config);
   Counts counts;
   Time now{0};
   if (!bus.start(now)) throw std::runtime_error("the bus refuses the cycle");

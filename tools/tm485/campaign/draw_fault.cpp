@@ -26,7 +26,13 @@ sim::FaultLine draw_fault(Dice& dice, Time length) {
     line.from = dice.span_us(Time{0}, length);
     line.until = line.from + std::max<Time>(dice.span_us(shortest, longest), std::chrono::microseconds(1));
   };
-  const auto rarely = [&] { line.probability = dice.decade(-4.0, -1.5); };
+  const auto rarely = [&] {
+    if (dice.once_in(8)) {
+      line.every = dice.span_us(std::chrono::microseconds(500), std::chrono::milliseconds(50));
+    } else {
+      line.probability = dice.decade(-4.0, -1.5);
+    }
+  };
   auto& value = line.values;
   for (std::size_t k = 0; k < value.size(); ++k) value[k] = sim::info_of(line.kind).parameters[k].otherwise;
   switch (line.kind) {
@@ -80,8 +86,13 @@ sim::FaultLine draw_fault(Dice& dice, Time length) {
       window(Time{0}, short_end);
       break;
     case FaultKind::baud:
-      value[1] = static_cast<double>(dice.below(120'000) - 60'000) * 1e-6;
-      window(Time{0}, short_end);
+      if (dice.once_in(3)) {  // from a good rate to one that is off by some percent
+        value[0] = static_cast<double>(dice.below(200'000) - 100'000) * 1e-6;
+        window(Time{0}, length);
+      } else {
+        value[1] = static_cast<double>(dice.below(120'000) - 60'000) * 1e-6;
+        window(Time{0}, short_end);
+      }
       break;
     case FaultKind::echo:
       window(Time{0}, short_end);
