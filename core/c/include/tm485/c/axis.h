@@ -19,7 +19,7 @@ extern "C" {
 #define TM485_AXIS_SIZE 6272
 #define TM485_AXIS_ALIGNMENT 64
 #elif defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
-#define TM485_AXIS_SIZE 4608
+#define TM485_AXIS_SIZE 4672
 #define TM485_AXIS_ALIGNMENT 8
 #else
 #define TM485_AXIS_SIZE 6208
