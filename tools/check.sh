@@ -297,7 +297,7 @@ for step in "${steps[@]}"; do
   printf '%s %s in %d s\n' "$step" "$outcome" $((SECONDS - started))
 done
 
-((${#skipped_steps[@]} == 0)) || printf '\nSKIPPED, could not be run here: %s\n' "${skipped_steps[*]}"
+((${#skipped_steps[@]} == 0)) || printf '\nSKIPPED, could not be run here, or not to the end: %s\n' "${skipped_steps[*]}"
 ((${#bad_steps[@]} == 0)) || printf '\nFailed: %s\n' "${bad_steps[*]}"
 printf '\n%d passed, %d failed\n' "$good" "${#bad_steps[@]}"
 ((${#bad_steps[@]} == 0))

@@ -136,7 +136,9 @@ TEST(HostileFiles, AFileThatIsReplacedKeepsItsPermissions) {
 
 // A terminal does what control characters say: it could be cleared, and show a remedy that is none.
 TEST(HostileFiles, WhatTheySayDoesNotReachTheTerminalAsItIs) {
-  EXPECT_EQ(cli::plain_text("a\x1b[2J\nb\tc\x7f \u009b \u00b5s"), "a?[2J?b?c? ? \u00b5s");
+  EXPECT_EQ(cli::plain_text("a\x1b[2J\nb\tc\x7f \u009b \u00b5s"), "a?[2J?b?c? ?? \u00b5s");
+  EXPECT_EQ(cli::plain_text(std::string_view("\0a", 2)), "?a");
+  EXPECT_EQ(cli::plain_text("\x9b \xc2 \xe2\x82 \xe2\x82\xac \xff"), "? ? ?? \u20ac ?") << "no UTF-8";
   EXPECT_EQ(cli::plain_text("0123456789", 4), "0123...");
   EXPECT_EQ(cli::plain_lines("a\nb\x1b"), "a\nb?");
 
@@ -159,6 +161,10 @@ TEST(HostileFiles, WhatTheySayDoesNotReachTheTerminalAsItIs) {
   const Finished named = run({"decode", "--profile", profile, "02"});
   EXPECT_EQ(named.exit_code, 2);
   EXPECT_NE(named.err.find("without control characters"), std::string::npos) << named.err;
+  const std::string key = folder.write("y.toml", "\"x\\n  remedy: run this\" = 1");
+  const Finished keyed = run({"decode", "--profile", key, "02"});
+  EXPECT_EQ(keyed.exit_code, 2);
+  EXPECT_NE(keyed.err.find("x?  remedy: run this"), std::string::npos) << keyed.err;
 }
 
 }  // namespace

@@ -76,5 +76,46 @@ TEST_F(BusSilence, NorWhileItHadToWaitForTheNextSlotOfASlowCycle) {
   }
 }
 
+// What is heard behind the silence does not end it: it is the encoder that has restarted meanwhile.
+TEST_F(BusSilence, AndABackgroundReplyBehindItDoesNotHideThat) {
+  begin_at_turn(4);
+  bus->hold_line(driver.now + ms(80), LineHold::no_cycle);
+  run(ms(60));
+  encoder.abm = 1;
+  ASSERT_TRUE(bus->offer(*Request::make(DataId::encoder_id)));
+  run(ms(60));
+  ASSERT_TRUE(bus->take_completion()->result.has_value());
+  EXPECT_EQ(bus->statistics().startups, 2U);
+  EXPECT_FALSE(bus->latest().referenced());
+}
+
+TEST_F(BusSilence, NorWhereThePatternWaitsForItsPhase) {
+  for (Time epoch{0}; epoch < ms(60); epoch += ms(5)) {
+    config.phase = Phase::at(epoch);
+    config.cycle = Pattern(ms(10), {{DataId::everything, 6}});
+    begin_at_turn(4);
+    run_cycles(20);
+    EXPECT_EQ(bus->statistics().startups, 1U);
+    EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+    bus->stop();
+  }
+}
+
+TEST_F(BusSilence, NorWhileAWriteHoldsTheBusForLongerThanABoot) {
+  Profile quick = test::preset("tm485_17");
+  quick.boot_time_min = ms(10);
+  config.eeprom_may_hold = true;
+  encoder.abm = 4;
+  make(quick);
+  start();
+  ASSERT_TRUE(run_until_running());
+  run_cycles(3);
+  ASSERT_TRUE(bus->offer(*Request::eeprom_write(1, 2)));
+  run(ms(40));
+  ASSERT_TRUE(bus->take_completion()->result.has_value());
+  EXPECT_EQ(bus->statistics().startups, 1U);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+}
+
 }  // namespace
 }  // namespace tm485

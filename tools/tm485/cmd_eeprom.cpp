@@ -1,6 +1,7 @@
 // tm485 eeprom read, write, dump, verify and diff. restore is in cmd_eeprom_restore.cpp.
 
 #include <fmt/format.h>
+
 #include <algorithm>
 
 #include "confirm.hpp"

@@ -23,8 +23,10 @@ struct Complaint {
   std::string what;
 };
 
-[[noreturn]] void complain(const toml::node& node, std::string what) {
-  throw Complaint{node.source().begin, std::move(what)};
+/// What is said may quote a key or a text of the file.
+[[noreturn]] void complain(const toml::node& node, std::string_view what) {
+  constexpr std::size_t kLongestComplaint = 1'024;
+  throw Complaint{node.source().begin, plain_text(what, kLongestComplaint)};
 }
 
 // One reader for each type of a member. Each throws a Complaint that says what is expected.

@@ -41,8 +41,8 @@ enum class Errc : std::uint8_t {
   frames_inconsistent,      ///< successive positions that no shaft can do
   status_inconsistent,      ///< SF and ALMC contradict each other
   position_implausible,     ///< the shaft cannot be there: wrong bits that pass the CRC, or a step
-  position_lost,            ///< too long without a frame to count turns from single-turn data
-  encoder_restarted,        ///< the shaft is elsewhere, and the turn count is back at its start value
+  position_lost,      ///< too long without a frame: turns are uncertain, or the encoder may have restarted
+  encoder_restarted,  ///< the shaft is elsewhere, and the turn count is back at its start value
 
   // Device: what the encoder reports.
   alarm_fault,           ///< an SF or ALMC bit whose policy is "fault" is set

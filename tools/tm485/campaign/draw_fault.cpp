@@ -88,6 +88,7 @@ sim::FaultLine draw_fault(Dice& dice, Time length) {
     case FaultKind::baud:
       if (dice.once_in(3)) {  // from a good rate to one that is off by some percent
         value[0] = static_cast<double>(dice.below(200'000) - 100'000) * 1e-6;
+        value[2] = static_cast<double>(10'000 + dice.below(50'000)) * 1e-6;
         window(Time{0}, length);
       } else {
         value[1] = static_cast<double>(dice.below(120'000) - 60'000) * 1e-6;

@@ -56,7 +56,8 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       earlier_(setup.latency + kLongestExchange),
       stopping_(stopping(profile)),
       clear_since_(encoder.model().config().boot_time),
-      power_ups_(encoder.model().statistics().power_ups) {}
+      power_ups_(encoder.model().statistics().power_ups),
+      seen_power_ups_(power_ups_) {}
 
 Judge::Shape Judge::shape_of(DataId id) noexcept {
   switch (id) {

@@ -146,7 +146,12 @@ class Judge {
   /// Is it behind the start-up that a power-up of the encoder asks for, and referenced only by a battery or a command?
   [[nodiscard]] bool knows_where_it_began(const Sample& sample, Time now) noexcept {
     const std::uint64_t power_ups = encoder_->model().statistics().power_ups;
-    if (power_ups != power_ups_) [[unlikely]]
+    if (power_ups != seen_power_ups_) [[unlikely]] {
+      seen_power_ups_ = power_ups;
+      powered_at_ = now;
+    }
+    // The reply of a slow port can be older.
+    if (power_ups != power_ups_ && sample.latch_time() > powered_at_) [[unlikely]]
       return fail(Rule::restart, now, static_cast<std::int64_t>(power_ups),
                   static_cast<std::int64_t>(power_ups_), "fresh behind a power-up without a start-up");
     return !sample.referenced() || battery_ || homed_ ||
@@ -209,10 +214,8 @@ class Judge {
     return since <= bound || fail(Rule::recovery, now, since.count(), bound.count());
   }
   void on_startup(const Sample& sample) noexcept {
-    if (const std::uint64_t power_ups = encoder_->model().statistics().power_ups; power_ups != power_ups_) {
-      power_ups_ = power_ups;
-      homed_ = homed_ && carries_turns_;
-    }
+    power_ups_ = seen_power_ups_ = encoder_->model().statistics().power_ups;
+    homed_ = homed_ && carries_turns_;                                 // what is asked for now is refused
     if (writes_hold_) pause(encoder_->model().eeprom().busy_until());  // a write that start-up has cut off
     through_startup_ = true;
     could_stand_ = true;  // of a sensor that has stood still through the start-up nothing is known
@@ -253,8 +256,10 @@ class Judge {
   bool any_fresh_ = false;
   bool new_origin_ = false;
   bool through_startup_ = true;
-  bool homed_ = false;           // on command, since the encoder was powered
-  std::uint64_t power_ups_;      // as of the last start-up
+  bool homed_ = false;       // on command, since the last start-up
+  std::uint64_t power_ups_;  // as of the last start-up
+  std::uint64_t seen_power_ups_;
+  Time powered_at_{0};
   bool other_before_ = false;    // the last record is not of a cycle
   bool behind_another_ = false;  // and so was the one before the last cycle
   bool shown_fresh_ = false;

@@ -169,7 +169,8 @@ class LoopReader {
   [[nodiscard]] bool ask(AxisClient& client, const Sample& newest, Judge& judge, Time now) noexcept {
     if (dice_.below(kSeldom) != 0) return true;
     if (!holds_ && was_held_) {
-      const bool home = after_restart_ == Continuity::until_homed && !newest.referenced() && dice_.once_in(2);
+      const bool home =
+          after_restart_ != Continuity::until_resumed && !newest.referenced() && dice_.once_in(2);
       return post(client, Command::of(home ? Command::Kind::set_referenced : Command::Kind::resume), judge,
                   now);
     }

@@ -251,6 +251,11 @@ class Bus {
   /// How old a held sample may be at most.
   [[nodiscard]] Time valid_for() const noexcept { return config_.max_hold + sample_gap() + held_for_; }
   [[nodiscard]] bool may_take_slots(const Request& request) const noexcept;
+  /// The encoder was not heard for so long, until `now`, that it can have restarted.
+  [[nodiscard]] bool was_silent(Time now) const noexcept {
+    return now - last_heard_ >= (failed_in_a_row_ != 0 ? profile_->profile().boot_time_min : silence_);
+  }
+  [[nodiscard]] Time longest_silence() const noexcept;
   [[nodiscard]] Time latch_uncertainty(Time seen) const noexcept;
   [[nodiscard]] Time latch_time() const noexcept {
     return exchange_.request_end() + profile_->profile().latch_offset;

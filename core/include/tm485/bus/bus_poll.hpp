@@ -46,11 +46,23 @@ std::expected<void, CycleRefusal> Bus<P>::start(Time now) noexcept {
     fresh_for_ = gap + ready + capability_.jitter_margin + capability_.latency_allowance;
     seen_fresh_for_ = gap + capability_.jitter_margin + t2_window;
     seen_valid_for_ = gap + config_.max_hold;
-    silence_ = std::max(profile_->profile().boot_time_min, 2 * scheduler_->longest_step());
+    silence_ = longest_silence();
   }
   shape_histograms();
   begin_startup(now);
   return {};
+}
+
+/// That does not mean a restart, though no cycle failed. One slot may be missed, a write may hold the bus, and a pattern in phase
+/// may begin a pattern later.
+template <Port P>
+Time Bus<P>::longest_silence() const noexcept {
+  const Profile& p = profile_->profile();
+  const Time step = scheduler_->longest_step();
+  const bool holds = config_.eeprom_may_hold && p.eeprom_holds_bus;
+  const Time held = holds ? std::max(p.eeprom_write_time, p.eeprom_page_time) : Time{0};
+  const Time wait = config_.phase.kind == Phase::Kind::any ? Time{0} : scheduler_->length();
+  return std::max(p.boot_time_min, 2 * step + std::max(held, wait));
 }
 
 template <Port P>
@@ -211,8 +223,8 @@ void Bus<P>::begin_background(const Request& request, Time now) noexcept {
     return;
   }
   if (scheduler_ && hold_ == LineHold::none && !in_gap) {
-    const std::uint32_t taken =
-        scheduler_->give_way(std::max(now + span, spacing_.earliest()));  // it may have left late
+    const std::uint32_t taken = scheduler_->give_way(
+        std::max(exchange_.start() + span, spacing_.earliest()));  // it may have left late
     saturating_increment(reset || holds ? statistics_.displaced : statistics_.stolen, taken);
     if (!reset && !holds) to_steal_ = std::max<std::uint32_t>(taken, 1) * (config_.steal_every - 1U);
     // Once behind each fresh sample: a second hold without one between them does not keep an old sample alive.

@@ -27,8 +27,7 @@ Errc Bus<P>::finish_cyclic(Time now) noexcept {
   if (now > stale) [[unlikely]]
     return Errc::timeout;
   // Failures as long as a restart, or nobody asked for so long: the encoder may have begun to count anew.
-  if (now - last_heard_ >= (failed_in_a_row_ != 0 ? profile_->profile().boot_time_min : silence_))
-    return Errc::position_lost;
+  if (was_silent(now)) return Errc::position_lost;
   if (layout(id).abs_at == 0 && scheduler_->reads_position()) {
     note(*reply, now);
     return Errc::ok;
@@ -265,7 +264,7 @@ void Bus<P>::finish_background(Time now) noexcept {
   std::optional<Reply> heard;
   if (result) {
     heard = *result;
-    last_heard_ = latch_time();
+    if (!was_silent(latch_time())) last_heard_ = latch_time();  // the next cycle begins anew otherwise
     const Frame& frame = result->frame();
     const bool eeprom = frame.fields().adf_at != 0;
     if (eeprom && frame.address() != exchange_.request().address()) {

@@ -40,7 +40,9 @@ struct EepromDoubt {
 };
 
 struct EepromProgress {
-  std::uint32_t done = 0;  ///< bytes that are dealt with
+  /// Bytes that are dealt with. Of a write it can go back to 0: if a write got no echo and nothing is known of the EEPROM, the
+  /// task's own bytes are looked at once more at its end, at most six times; then it ends with why no echo came.
+  std::uint32_t done = 0;
   std::uint32_t total = 0;
   std::uint32_t writes = 0;        ///< of bytes: each costs one of the cell's 100 000
   std::uint32_t page_selects = 0;  ///< writes of the page register
@@ -204,8 +206,8 @@ class BasicEepromManager {
   std::uint8_t sweeps_ = 0;
   std::uint8_t busy_looks_ = 0;
   std::uint8_t rounds_ = 0;
-  bool again_ =
-      false;  ///< a write may have gone to a byte that is dealt with already: all are looked at once more
+  bool once_more_ = false;   ///< a write may have gone to a byte that is done already
+  Errc unheard_ = Errc::ok;  ///< why the last write got no echo
   Time wait_until_{0};
   Time last_heard_ = -kNever;
   Time failing_since_ = kNever;

@@ -27,7 +27,7 @@ std::expected<void, Errc> BasicEepromManager<D>::begin(Task task, unsigned first
   suspect_ = Suspect::none;
   doubted_ = 0;
   tries_ = rewrites_ = selects_ = sweeps_ = busy_looks_ = rounds_ = 0;
-  again_ = false;
+  once_more_ = false;
   wait_until_ = Time{0};
   failing_since_ = kNever;
   // Begins in the page that is selected now, if the range has all of it from its first byte: one change less.
@@ -80,11 +80,9 @@ void BasicEepromManager<D>::next_byte() noexcept {
   const unsigned before = at_;
   if (++at_ == first_ + count_) at_ = first_;
   if (++progress_.done != count_) return;
-  if (!again_) return end(first_mismatch_.value_or(EepromError{}));
-  if (++rounds_ > kMostRounds)
-    return end({Errc::eeprom_mismatch, page_of(before), address_of(before), from_[before - first_],
-                from_[before - first_]});
-  again_ = false;
+  if (!once_more_) return end(first_mismatch_.value_or(EepromError{}));
+  if (++rounds_ > kMostRounds) return end({unheard_, page_of(before), address_of(before)});
+  once_more_ = false;
   progress_.done = 0;
 }
 
@@ -103,9 +101,11 @@ std::optional<EepromDoubt> BasicEepromManager<D>::in_doubt() const noexcept {
   if (outcome_ && outcome_->code == Errc::ok) return std::nullopt;
   const bool writing = under_way_ && (action_ == Action::write || action_ == Action::select_page);
   const bool unread = phase_ == Phase::read_back || rewrites_ != 0;
-  if (!writing && !unread && doubted_ == 0) return std::nullopt;
+  const bool unfinished = once_more_ || rounds_ != 0;
+  if (!writing && !unread && !unfinished && doubted_ == 0) return std::nullopt;
   const unsigned at = unread ? at_ : target();
-  return EepromDoubt{page_of(at), address_of(at), doubted_ | (writing ? bit(page_.value_or(0)) : 0)};
+  const std::uint32_t pages = doubted_ | (unfinished ? progress_.unconfirmed_pages : 0);
+  return EepromDoubt{page_of(at), address_of(at), pages | (writing ? bit(page_.value_or(0)) : 0)};
 }
 
 // --- What is next ---
@@ -210,6 +210,7 @@ void BasicEepromManager<D>::on_failure(Errc cause, Time now) noexcept {
   wait_until_ = std::max(wait_until_, now + std::max(p.eeprom_write_time, p.eeprom_page_time));
   if (action_ == Action::write && suspect_ == Suspect::none) phase_ = Phase::read_back;
   // Noise may have made another write of it, and nobody has heard which.
+  unheard_ = cause;
   doubt_bytes_of(page_.value_or(0));
 }
 
@@ -219,7 +220,7 @@ void BasicEepromManager<D>::doubt_bytes_of(std::uint8_t page) noexcept {
   if (page >= profile_->profile().eeprom_pages) return;
   if (known_.known.empty()) {
     progress_.unconfirmed_pages |= bit(page);
-    again_ = task_ == Task::write;
+    once_more_ = task_ == Task::write;
     return;
   }
   if (++sweeps_ > kMostSweeps) return fail(Errc::eeprom_mismatch);
