@@ -2,8 +2,9 @@
 # Fuzzes the parsers, the exchange, the bus, the C interface and what the tools read (tests/fuzz), bounded: libFuzzer,
 # Clang 19, address and undefined-behaviour sanitizers.
 #
-#   tools/fuzz.sh [--seconds N | --runs N] [TARGET...]   N seconds in all, shared evenly, 60 by default; or N executions
-#                                                        of each target; all targets by default
+#   tools/fuzz.sh [--seconds N | --runs N] [TARGET...]   N seconds of fuzzing in all, shared evenly, 60 by default (on two
+#                                                        processors half as long by the clock); or N executions of each
+#                                                        target; all targets by default
 #   tools/fuzz.sh --seed S ...                           from the corpora of the tree only, and as little by chance as
 #                                                        libFuzzer can: some targets go the same way every time
 #   tools/fuzz.sh --plain ...                            without sanitizers, and comparisons not looked at: many more executions
@@ -80,8 +81,7 @@ export programs crashes logs seed profile
 if ((runs)); then
   limit=(-runs="$runs")
 else
-  # `jobs` of them at a time.
-  each=$((seconds * jobs / ${#targets[@]}))
+  each=$((seconds / ${#targets[@]}))
   limit=(-max_total_time=$((each > 0 ? each : 1)))
 fi
 rm -f "$logs"/*.result
