@@ -36,7 +36,8 @@ typedef struct tm485_eeprom_outcome {
 } tm485_eeprom_outcome;
 
 typedef struct tm485_eeprom_progress {
-  uint32_t done; /* bytes that are dealt with; of a write it can go back to 0, and they are looked at once more */
+  /* Bytes that are dealt with. Behind a write without echo it goes back to 0: they are looked at once more. */
+  uint32_t done;
   uint32_t total;
   uint32_t writes;       /* of bytes: each costs one of the cell's 100 000 */
   uint32_t page_selects; /* writes of the page register */
