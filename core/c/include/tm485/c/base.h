@@ -74,7 +74,7 @@ enum {
   TM485_ERR_FRAMES_INCONSISTENT,     /* successive positions that no shaft can do */
   TM485_ERR_STATUS_INCONSISTENT,     /* SF and ALMC contradict each other */
   TM485_ERR_POSITION_IMPLAUSIBLE,    /* the shaft cannot be there: wrong bits that pass the CRC, or a step */
-  TM485_ERR_POSITION_LOST,           /* too long without a frame to count turns from single-turn data */
+  TM485_ERR_POSITION_LOST,           /* too long without a frame: turns are uncertain, or it has restarted */
   TM485_ERR_ENCODER_RESTARTED, /* the shaft is elsewhere, and the turn count is back at its start value */
 
   /* Device: what the encoder reports. */
