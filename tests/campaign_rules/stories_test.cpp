@@ -319,5 +319,21 @@ TEST(Story, ALoopLooksBehindWhatIsDueAtOnce) {
   EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
 }
 
+// After 1.8 * 10^9 cycles: the loop ordered a start-up amid a run of resets, and another one as it had waited 250 ms to go on. The
+// judge wanted it to end in 500 ms.
+TEST(Story, ARunOfResetsThatIsCutOffTwiceLastsLonger) {
+  RunSetup setup;
+  setup.profile = "tm485_17";
+  setup.pattern = Pattern(Time{126'000}, {{DataId::everything, 2}, {DataId::single_turn, 2}});
+  setup.axis = true;
+  setup.after_restart = Continuity::re_reference;
+  setup.servo = ServoDraw{
+      .clock = {.period = Time{84'000}, .lead = Time{465'729}}, .drift_ppm = -91, .tick_jitter = {}};
+  setup.background = Background::resets;
+  setup.motion = "motion=constant:0,start=-0.054";
+  const RunResult result = again(setup, 20261122, 89529, "");
+  EXPECT_FALSE(result.violation.has_value()) << describe(*result.violation);
+}
+
 }  // namespace
 }  // namespace tm485::cli::campaign

@@ -37,6 +37,7 @@ class ResetTasks {
         return now;
       }
     }
+    if (bus.state() != BusState::running) interrupted_ = now;
     const bool held = run_->holds_cycle();
     const Time due = tm485::drive(*run_, bus, now);
     if (done() != last_done_) {
@@ -80,10 +81,10 @@ class ResetTasks {
     return run_->start(kKinds[static_cast<std::size_t>(dice_.below(kKinds.size()))]).has_value();
   }
 
-  /// Nothing but faults makes a run last: the ten take less than a millisecond, zero 160 ms more.
+  /// Nothing but faults, and a start-up that the loop orders, makes a run last: the ten take less than a millisecond, zero 160 ms more.
   [[nodiscard]] bool within_time(Judge& judge, Time now) noexcept {
     constexpr Time kLongest = std::chrono::milliseconds(500);
-    const Time since = now - std::max(begun_, judge.effects().last);
+    const Time since = now - std::max({begun_, judge.effects().last, interrupted_});
     if (since > kLongest)
       ok_ = judge.fail(Rule::reset, now, since.count(), kLongest.count(), "a run of resets does not end");
     return ok_;
@@ -135,6 +136,7 @@ class ResetTasks {
   std::uint64_t last_done_ = 0;
   std::int64_t counts_when_done_ = 0;  // of the shaft, behind the last one; it turns on
   Time begun_{0};
+  Time interrupted_{0};  // when last seen in a start-up
   Time next_ = std::chrono::milliseconds(100);
   bool ok_ = true;
 };
