@@ -4,8 +4,9 @@
 //   tm485_residual_error [--frames N] [--seed S] [--jobs J] [--line NAME] [--period US]
 //                        [--uncertainty US] [--json]
 //
-// US: the period, default 62.5; with --uncertainty by how much the latch is off at most, default 0.5. N: ID3 frames on each line as they come (default 10^7); N / 4 more with a pattern that CRC and
-// strict parsing let pass put into about one of 64, and N / 4 with one behind each restart. The weight of those: how often the
+// --period: default 62.5. --uncertainty: by how much the latch is off at most, as the profile says too; default 0.5.
+// --frames: ID3 frames on each line as they come (default 10^7); N / 4 more with a pattern that CRC and strict parsing let
+// pass put into about one of 64, and N / 4 with one behind each restart. The weight of those: how often the
 // line makes such a pattern, by a closed form for independent bits, by counting for bursts. 95 % bounds: Clopper-Pearson.
 #include <algorithm>
 #include <array>

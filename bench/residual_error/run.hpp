@@ -24,9 +24,8 @@ struct Plan {
   std::uint64_t frames = 0;  ///< ID3 frames
   std::uint64_t seed = 1;
   std::int64_t period_ns = 62'500;
-  std::int64_t uncertainty_ns =
-      500;             ///< the latch is off by up to so much, either way, and the profile says so
-  double missing = 0;  ///< so many frames do not come at all, one at a time
+  std::int64_t uncertainty_ns = 500;  ///< of the latch, either way; the profile says so too
+  double missing = 0;                 ///< so many frames do not come at all, one at a time
 };
 
 /// Frames of ID3, and what became of them.

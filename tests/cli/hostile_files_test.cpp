@@ -92,6 +92,21 @@ TEST(HostileFiles, AJournalThatBecomesALinkIsNotWrittenThrough) {
   EXPECT_EQ(content(victim), "mine");
 }
 
+TEST(HostileFiles, JournalsAreReadUpToABound) {
+  const TemporaryFolder folder;
+  const std::string base = folder.path("motor.bin.journal");
+  cli::EepromJournal journal;
+  journal.wanted.shape = journal.before.shape = {1, 2};
+  journal.wanted.bytes = journal.before.bytes = {1, 2};
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(cli::create_journal(base, journal));
+  const auto all = cli::journals_of(base, {1, 2}, 3);
+  ASSERT_TRUE(all);
+  EXPECT_EQ(all->size(), 3U);
+  const auto refused = cli::journals_of(base, {1, 2}, 2);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().name, "too_many_journals");
+}
+
 TEST(HostileFiles, ABackupIsNotWrittenThroughALink) {
   const TemporaryFolder folder;
   const std::string victim = folder.write("victim", "mine");

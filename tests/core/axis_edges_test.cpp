@@ -335,5 +335,25 @@ TEST_F(AxisEdges, WithoutNewsNothingIsPublishedAnew) {
   }
 }
 
+// The command and the sample that makes it possible meet in one poll.
+TEST_F(AxisEdges, AResumeLooksAtTheSampleOfItsOwnPoll) {
+  begin_running();
+  alive = false;
+  run(ms(3));
+  ASSERT_EQ(axis->client().read(driver.now).sample->quality(), Quality::invalid);
+  alive = true;
+  Errc error = Errc::bad_state;
+  for (int polls = 0; polls < 500 && error != Errc::ok; ++polls) {
+    ASSERT_TRUE(axis->client().post(Command::of(Command::Kind::resume)));
+    (void)axis->poll(driver.now);
+    error = axis->client().poll_completion()->error;
+    const bool fresh = axis->bus().latest().quality() == Quality::fresh;
+    ASSERT_EQ(error, fresh ? Errc::ok : Errc::bad_state) << polls;
+    driver.now += us(1);
+  }
+  EXPECT_EQ(error, Errc::ok);
+  EXPECT_TRUE(read().usable());
+}
+
 }  // namespace
 }  // namespace tm485

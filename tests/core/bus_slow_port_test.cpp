@@ -412,27 +412,5 @@ TEST_F(BusSlowPort, AnOfferThatLateRepliesKeepOutEndsInNoGap) {
   expect_t1_kept();
 }
 
-// Found by the campaign (seed 20261122, run 179578): somebody else had asked the encoder the same just before, and the reply was
-// handed out when the bus's own request had hardly begun: a fresh sample, latched in the future.
-TEST_F(BusSlowPort, WhatIsThereBeforeTheRequestCanHaveLeftIsNotItsReply) {
-  port.be_slow(us(100));
-  config.cycle = Cycle{DataId::everything, us(250)};
-  begin_running();
-  run_cycles(10);
-  const Time slot = bus->scheduler()->slot();
-  const Bytes reply = encoder.reply({0x1A});
-  Time start = slot - us(60);
-  for (const std::uint8_t byte : reply) {
-    port.inject(start, {byte}, Errc::ok, slot + us(1) - (start + us(4) + port.delivery));
-    start += us(4);
-  }
-  run_cycles(1);
-  EXPECT_EQ(bus->last_record().result, Errc::t2_out_of_window);
-  EXPECT_EQ(bus->latest().quality(), Quality::held);
-  run_cycles(3);
-  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
-  EXPECT_LE(bus->latest().latch_time(), driver.now);
-}
-
 }  // namespace
 }  // namespace tm485

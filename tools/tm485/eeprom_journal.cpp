@@ -17,7 +17,6 @@ constexpr std::string_view kFormat = "tm485-eeprom-journal";
 constexpr int kVersion = 1;
 constexpr std::size_t kLargestFile = 131'072;
 constexpr std::size_t kLongestPath = 4'096;
-constexpr std::size_t kMostJournals = 10'000;  // of one image
 
 Problem bad_journal(const std::string& path, std::string_view why) {
   return usage_problem("bad_journal", fmt::format("'{}' is no journal of a restore: {}", path, why),
@@ -59,18 +58,18 @@ std::string next_journal(const std::string& base, std::size_t existing) {
 }
 
 std::expected<std::vector<JournalFile>, Problem> journals_of(const std::string& base,
-                                                             const EepromShape& shape) {
+                                                             const EepromShape& shape, std::size_t most) {
   std::vector<JournalFile> all;
-  while (all.size() <= kMostJournals) {
+  while (all.size() <= most) {
     std::string path = next_journal(base, all.size());
     auto journal = load_journal(path, shape);
     if (!journal) return std::unexpected(std::move(journal.error()));
     if (!*journal) return all;
     all.push_back({std::move(path), std::move(**journal)});
   }
-  return std::unexpected(usage_problem(
-      "too_many_journals", fmt::format("there are more than {} journals of '{}'", kMostJournals, base),
-      "move those of restores that need no --undo any more to another folder"));
+  return std::unexpected(
+      usage_problem("too_many_journals", fmt::format("there are more than {} journals of '{}'", most, base),
+                    "move those of restores that need no --undo any more to another folder"));
 }
 
 namespace {

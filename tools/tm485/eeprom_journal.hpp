@@ -2,6 +2,7 @@
 // it an unfinished restore is finished or taken back.
 #pragma once
 
+#include <cstddef>
 #include <expected>
 #include <optional>
 #include <string>
@@ -34,9 +35,11 @@ struct JournalFile {
   std::string path;
   EepromJournal journal;
 };
-/// Those that there are. Problem: that of load_journal.
+inline constexpr std::size_t kMostJournals = 10'000;  ///< of one image
+/// Those that there are. Problem: that of load_journal; too_many_journals (exit code 2).
 [[nodiscard]] std::expected<std::vector<JournalFile>, Problem> journals_of(const std::string& base,
-                                                                           const EepromShape& shape);
+                                                                           const EepromShape& shape,
+                                                                           std::size_t most = kMostJournals);
 /// The name for one more.
 [[nodiscard]] std::string next_journal(const std::string& base, std::size_t existing);
 /// The one that --resume goes on with: unfinished. Problems, exit code 2: no_journal, nothing_to_do.

@@ -38,6 +38,7 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       shape_(shape_of(id_)),
       shaft_(setup.shaft),
       bits_(profile.profile().single_turn_bits),
+      start_jitter_(setup.start_jitter),
       battery_(profile.profile().battery),
       resets_(setup.background == Background::resets),
       slow_(setup.latency > Time{0}),

@@ -51,8 +51,8 @@ class Judge {
   [[nodiscard]] const Totals& totals() const noexcept { return totals_; }
   [[nodiscard]] Totals& totals() noexcept { return totals_; }
   [[nodiscard]] const sim::FaultEffects& effects() const noexcept { return *effects_; }
-  /// The last cycle came directly behind a request that was none of the cycle's: T1 may have pushed it out of its slot.
-  [[nodiscard]] bool behind_another() const noexcept { return behind_another_; }
+  /// T1 of a request that was none of the cycle's has pushed the last cycle out of its slot.
+  [[nodiscard]] bool pushed() const noexcept { return pushed_; }
   [[nodiscard]] bool fail(Rule rule, Time now, std::int64_t seen, std::int64_t allowed,
                           std::string_view what = {}) noexcept {
     violation_ = {rule, totals_.cycles, now, seen, allowed, what};
@@ -83,7 +83,8 @@ class Judge {
       on_other_record(record);
       return true;
     }
-    behind_another_ = std::exchange(other_before_, false);
+    // Then it has started as soon as T1 and the host's jitter let it.
+    pushed_ = std::exchange(other_before_, false) && encoder_->model().t1().last_margin() <= start_jitter_;
     ++totals_.cycles;
     totals_.touched += effects.touched ? 1 : 0;
     totals_.changed += effects.bits_changed ? 1 : 0;
@@ -215,7 +216,8 @@ class Judge {
   }
   void on_startup(const Sample& sample) noexcept {
     power_ups_ = seen_power_ups_ = encoder_->model().statistics().power_ups;
-    homed_ = homed_ && carries_turns_;                                 // what is asked for now is refused
+    // A start-up forgets that the axis was homed, and refuses the command that says so.
+    homed_ = homed_ && carries_turns_;
     if (writes_hold_) pause(encoder_->model().eeprom().busy_until());  // a write that start-up has cut off
     through_startup_ = true;
     could_stand_ = true;  // of a sensor that has stood still through the start-up nothing is known
@@ -229,6 +231,7 @@ class Judge {
   Shape shape_;
   sim::MotionProfile shaft_;
   unsigned bits_;
+  Time start_jitter_;
   bool battery_;
   bool resets_;
   bool slow_;
@@ -260,8 +263,8 @@ class Judge {
   std::uint64_t power_ups_;  // as of the last start-up
   std::uint64_t seen_power_ups_;
   Time powered_at_{0};
-  bool other_before_ = false;    // the last record is not of a cycle
-  bool behind_another_ = false;  // and so was the one before the last cycle
+  bool other_before_ = false;  // the last record is not of a cycle
+  bool pushed_ = false;
   bool shown_fresh_ = false;
   Time shown_latch_{0};
   bool stepped_ = false;         // the last fresh sample was wrong, so that the next right one is a step

@@ -53,7 +53,7 @@ class ServoTicks {
     if (off > unit.count() / 2) off -= unit.count();
     if (off < -unit.count() / 2) off += unit.count();
     ++judge.totals().phases;
-    const Time pushed = judge.behind_another() ? std::max(start_jitter_, kMostPushed) : Time{0};
+    const Time pushed = judge.pushed() ? std::max(start_jitter_, kMostPushed) : Time{0};
     const Time allowed = start_jitter_ + pushed + jitter_ + unit / kPartOfUnit + kRounding;
     return std::abs(off) <= allowed.count() ||
            judge.fail(Rule::axis, now, off, allowed.count(), "latched out of phase with the servo clock");

@@ -55,11 +55,10 @@ Time Bus<P>::latch_uncertainty(Time seen) const noexcept {
 
 template <Port P>
 void Bus<P>::finish(Time now) noexcept {
-  // Complete before the request itself can have left: a reply to somebody else's.
-  if (exchange_.error() == Errc::ok && now - exchange_.start() < profile_->request_time(exchange_.id()))
-      [[unlikely]]
-    exchange_.on_fault(Errc::t2_out_of_window);
   if (!capability_.wire_timestamps && !unsent_) {
+    // Complete before the request itself can have left: a reply to somebody else's.
+    if (exchange_.error() == Errc::ok && now - exchange_.start() < profile_->request_time(exchange_.id()))
+      exchange_.on_fault(Errc::t2_out_of_window);
     // Without a frame that holds all that is known is that the request has left; other bytes may be somebody else's, and do not
     // even say that.
     const DataId id = exchange_.id();

@@ -32,8 +32,9 @@ class PositionTracker {
   PositionTracker(const CompiledProfile&& profile, const AxisConfig& axis) = delete;
 
   /// A reply latched at `latch`, give or take `uncertainty`, becomes a fresh sample, written to `sample`.
-  /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; or
-  /// status_inconsistent: SF and ALMC contradict each other, in a way that neither the reply before nor this encoder otherwise shows; position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
+  /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; status_inconsistent: SF and
+  /// ALMC contradict each other, in a way that neither the reply before nor this encoder otherwise shows;
+  /// position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
   /// encoder_restarted: they agree, and the turn count is back at its start value. After an error the last sample stands.
   [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 

@@ -14,9 +14,9 @@ class T1Judge {
   /// A request whose start bit fell at `start`; the next one must not start before `start + required`.
   void on_request(Time start, Time required) noexcept {
     if (armed_) {
-      const Time margin = start - earliest_;
-      if (margin < smallest_margin_) smallest_margin_ = margin;
-      if (margin < Time{0}) [[unlikely]] {
+      last_margin_ = start - earliest_;
+      if (last_margin_ < smallest_margin_) smallest_margin_ = last_margin_;
+      if (last_margin_ < Time{0}) [[unlikely]] {
         if (violations_ == 0) first_violation_ = start;
         ++violations_;
       }
@@ -34,12 +34,16 @@ class T1Judge {
   /// Start of the first request that came too early, or kNever.
   [[nodiscard]] Time first_violation() const noexcept { return first_violation_; }
 
+  /// T1 seen - T1 required of the last request that was judged; kNever before.
+  [[nodiscard]] Time last_margin() const noexcept { return last_margin_; }
+
   /// Smallest (T1 seen - T1 required), negative after a violation; kNever before the second request.
   [[nodiscard]] Time smallest_margin() const noexcept { return smallest_margin_; }
 
  private:
   Time earliest_{0};
   Time smallest_margin_ = kNever;
+  Time last_margin_ = kNever;
   Time first_violation_ = kNever;
   std::uint64_t violations_ = 0;
   bool armed_ = false;
