@@ -33,24 +33,33 @@ ServoLock::ServoLock(const ServoClock& clock, Time length, Time latch_after) noe
 Time ServoLock::begin(Time first) noexcept {
   if (state_ == State::waiting) {
     start_ = first;
-    return start_;
+  } else {
+    // The phase is known: the next start that has it. What had put the grid off may be over sooner.
+    go_to(first);
+    const Time behind = first - start_;
+    start_ += behind > Time{0} ? unit_ * whole_in(behind + unit_ - Time{1}, unit_)
+                               : -unit_ * whole_in(-behind, unit_);
   }
-  // The phase is known: the next start that has it.
-  const Time behind = first - start_;
-  if (behind > Time{0}) start_ += unit_ * whole_in(behind + unit_ - Time{1}, unit_);
+  off_until_ = start_;
   return start_;
 }
 
 Time ServoLock::advance(std::int64_t patterns) noexcept {
-  start_ += length_ * patterns;
-  shift(std::int64_t{rate_} * patterns);
+  move(patterns);
   if (start_ - last_tick_ - excused_ > period_ * kLostAfter + length_) state_ = State::waiting;
   return start_;
 }
 
-void ServoLock::follow(Time tick) noexcept {
-  const Time ahead = tick - ahead_ - start_;
-  if (ahead > length_) (void)advance(whole_in(ahead, length_));
+void ServoLock::move(std::int64_t patterns) noexcept {
+  start_ += length_ * patterns;
+  shift(std::int64_t{rate_} * patterns);
+}
+
+/// The grid goes to within a pattern of `at`, there or back.
+void ServoLock::go_to(Time at) noexcept {
+  const Time ahead = at - start_;
+  if (ahead > length_) move(whole_in(ahead, length_));
+  if (ahead < -length_) move(-whole_in(-ahead, length_));
 }
 
 /// `by` in 2^-16 ns.

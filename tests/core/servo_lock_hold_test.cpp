@@ -134,6 +134,62 @@ TEST(ServoLock, WithoutTicksAGridThatWasPutOffIsLostAllTheSame) {
   EXPECT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::waiting);
 }
 
+// Found by the campaign (seed 20261122, run 270844): a cycle was paused while a write had the line. The grid was put off until its
+// end already, so that each tick found it early by the drift of that time; the lock was lost, and taught a rate at its limit.
+TEST(ServoLock, APausedGridThatWasPutOffKeepsRateAndPhase) {
+  for (const double ppm : {-394.0, 394.0}) {
+    for (const Time until : {ms(4), ms(30)}) {  // before the write has ended, and behind it
+      World world = make(Cycle{DataId::everything, us(217)}, ns(43'400), ns(66'166));
+      world.ppm = ppm;
+      EXPECT_LE(worst_error(world, ns(66'166), 20'000), ns(200));
+      (void)world.scheduler.give_way(world.now + ms(18));
+      const Time begin = world.now + until;
+      world.scheduler.pause();
+      while (world.tick_at < static_cast<long double>(begin.count())) {
+        world.now = Time{static_cast<std::int64_t>(std::llround(world.tick_at))};
+        world.scheduler.on_servo_tick(world.now, world.statistics);
+        world.tick_at += world.period();
+      }
+      EXPECT_NEAR(world.scheduler.servo_lock()->drift_ppm(), ppm, 12);
+      world.scheduler.begin(begin);
+      EXPECT_LE(world.scheduler.slot(), begin + us(217)) << "nothing waits for the end of the write";
+      EXPECT_LE(worst_error(world, ns(66'166), 8), ns(200));
+      EXPECT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::locked);
+      EXPECT_EQ(world.statistics.servo_locks, 1U);
+    }
+  }
+}
+
+// It begins again where the line is known to be taken for a while: ticks that come before that teach nothing either.
+TEST(ServoLock, AGridThatBeginsLaterIsNotTaughtByTicksThatComeBefore) {
+  for (const double ppm : {-394.0, 394.0}) {
+    World world = make(Cycle{DataId::everything, us(217)}, ns(43'400), ns(66'166));
+    world.ppm = ppm;
+    EXPECT_LE(worst_error(world, ns(66'166), 20'000), ns(200));
+    world.scheduler.pause();
+    world.scheduler.begin(world.now + ms(18));
+    Time tick;
+    for (int i = 0; i < 400; ++i) ASSERT_TRUE(world.step(tick)) << "no slot before";
+    EXPECT_NEAR(world.scheduler.servo_lock()->drift_ppm(), ppm, 12);
+    EXPECT_LE(worst_error(world, ns(66'166), 80), ns(300));
+    EXPECT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::locked);
+    EXPECT_EQ(world.statistics.servo_locks, 1U);
+  }
+}
+
+// Nor before the first pattern of all.
+TEST(ServoLock, TicksBeforeTheFirstPatternTeachNothing) {
+  World world{*Scheduler::make(Cycle{DataId::everything, us(217)}, Phase::locked_to({ns(43'400), ns(66'166)}),
+                               test::servo::profile(), PortCapability{}),
+              ns(43'400)};
+  world.scheduler.begin(ms(18));
+  Time tick;
+  for (int i = 0; i < 400; ++i) ASSERT_TRUE(world.step(tick)) << "no slot before";
+  EXPECT_EQ(world.scheduler.servo_lock()->state(), ServoLock::State::seeking) << "where ticks are is known";
+  EXPECT_EQ(world.scheduler.servo_lock()->drift_ppm(), 0);
+  EXPECT_LE(worst_error(world, ns(66'166), 80), ns(100));
+}
+
 // A stolen slot or two are no hold: what the first tick behind them says is hardly of them.
 TEST(ServoLock, StolenSlotsDoNotMakeItSwing) {
   for (const int patterns : {1, 4, 8}) {

@@ -37,9 +37,9 @@ class ServoLock {
   /// The grid begins at `first`, or, if ticks have told the phase already, at the next instant that has it. Answers it.
   [[nodiscard]] Time begin(Time first) noexcept;
   /// While no pattern runs: the grid goes along with the ticks, call it before on_tick().
-  void follow(Time tick) noexcept;
-  /// A pattern runs, but something else has the line for more than two of them: the grid stands still, or was put off already,
-  /// and by how much a tick is off says nothing. Such a tick goes to coast() instead of on_tick().
+  void follow(Time tick) noexcept { go_to(tick - ahead_); }
+  /// A pattern runs, but something else has the line for more than two of them: the grid stands still, was put off or begins
+  /// later, and by how much a tick is off says nothing. Such a tick goes to coast() instead of on_tick().
   [[nodiscard]] bool stands_still(Time tick) const noexcept {
     return state_ != State::waiting && tick - last_tick_ <= period_ * kLostAfter &&
            (tick - start_ > length_ * 2 || tick < off_until_ - length_ * 2);
@@ -64,7 +64,8 @@ class ServoLock {
  private:
   [[nodiscard]] Time error_of(Time tick) const noexcept;
   void shift(std::int64_t by) noexcept;
-
+  void move(std::int64_t patterns) noexcept;
+  void go_to(Time at) noexcept;
   void take_up(Time tick, Time error) noexcept;
   void turn(std::int64_t by) noexcept;
 
@@ -81,7 +82,7 @@ class ServoLock {
   Time ahead_{0};   ///< a tick comes this long after the start of a pattern
   Time last_tick_{0};
   Time heard_at_{0};         ///< the last tick that did not coast
-  Time off_until_{-kNever};  ///< the grid was put off at once until then
+  Time off_until_{-kNever};  ///< the grid was put off at once until then, or begins then
   Time excused_{0};          ///< by so much since the last tick
   State state_ = State::waiting;
   std::uint8_t votes_ = 0;   ///< ticks in a row that speak for another state
