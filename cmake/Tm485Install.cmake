@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 set(libraries tm485_core tm485_c)
 set(header_folders core/include/ core/c/include/)
-foreach(pair IN ITEMS "tm485_hal_mcu hal/mcu/include/" "tm485_design core/design/include/" "tm485_sim hal/sim/include/" "tm485_sim_server hal/sim/include/" "tm485_hal_linux hal/linux/include/")
+foreach(pair IN ITEMS "tm485_hal_mcu hal/mcu/include/" "tm485_hal_posix hal/posix/include/" "tm485_design core/design/include/" "tm485_sim hal/sim/include/" "tm485_sim_server hal/sim/include/" "tm485_hal_linux hal/linux/include/")
   separate_arguments(pair)
   list(GET pair 0 target)
   list(GET pair 1 folder)

@@ -45,10 +45,10 @@ step_headers() {
   local part headers header name own compiler flags="-std=c++23 -fsyntax-only ${warnings[*]} -Icore/include"
   local c_flags="-std=c99 -fsyntax-only ${warnings[*]} -Icore/include -Icore/c/include"
   export -f header_alone
-  for part in core core/c core/design hal/sim hal/mcu hal/linux; do
-    # A hal's headers see the core and their own folder, and no other; those of linux see the register drivers too.
+  for part in core core/c core/design hal/posix hal/sim hal/mcu hal/linux; do
+    # A hal's headers see the core and their own folder, and no other; those of linux see the register drivers and posix too.
     own="-I$part/include"
-    [[ $part != hal/linux ]] || own+=" -Ihal/mcu/include"
+    [[ $part != hal/linux ]] || own+=" -Ihal/mcu/include -Ihal/posix/include"
     headers=$(sources "$part/include/*.hpp") || [[ $part == core/c ]] || exit
     for header in $headers; do
       name=${header#*/include/}

@@ -28,10 +28,11 @@ ALLOWED = {
     "umbrella": CORE | {"umbrella"},
     "c": CORE | {"c"},  # the C interface: a view of the core that nothing below knows
     "design": {"base", "motion", "design"},  # solves what motion's estimators use; nothing below knows it
-    "sim": CORE | {"sim"},
+    "posix": {"posix"},  # descriptors and files
+    "sim": CORE | {"sim", "posix"},
     "mcu": CORE | {"mcu"},
-    "linux": CORE | {"linux", "mcu"},  # mcu: the register drivers, for memory-mapped UARTs (docs/adr/0012)
-    "user": CORE | {"umbrella", "c", "design", "sim", "mcu", "linux", "user"},
+    "linux": CORE | {"linux", "mcu", "posix"},  # mcu: the register drivers, for memory-mapped UARTs (docs/adr/0012)
+    "user": CORE | {"umbrella", "c", "design", "sim", "mcu", "linux", "posix", "user"},
 }
 
 # The folders of the zones, the first match counts. A source in core/src itself has the zone of the header that it
@@ -49,6 +50,7 @@ ZONES = [
     ("core/src/bus/", "bus"),
     ("core/c/", "c"),
     ("core/design/", "design"),
+    ("hal/posix/", "posix"),
     ("hal/sim/", "sim"),
     ("hal/mcu/", "mcu"),
     ("hal/linux/", "linux"),
@@ -59,7 +61,7 @@ ZONES = [
     ("integrations/", "user"),
 ]
 
-INCLUDE_FOLDERS = ["core/include", "core/c/include", "core/design/include", "hal/sim/include", "hal/mcu/include", "hal/linux/include"]
+INCLUDE_FOLDERS = ["core/include", "core/c/include", "core/design/include", "hal/posix/include", "hal/sim/include", "hal/mcu/include", "hal/linux/include"]
 
 # The simulated encoder and its line judge the codecs, so they share nothing with them, not even indirectly. So do the
 # models of UARTs and the register drivers.
@@ -270,6 +272,8 @@ SEEDS = [
     ("core/c/include/tm485/c/a.h", None, "once", "without #pragma once"),
     ("core/include/tm485/motion/a.hpp", "#include <Eigen/Dense>", "core-header", "<Eigen/Dense>"),
     ("hal/linux/src/a.cpp", '#include "tm485/sim/line.hpp"', "layer", "linux must not include sim"),
+    ("hal/posix/src/a.cpp", '#include "tm485/linux/l.hpp"', "layer", "posix must not include linux"),
+    ("hal/posix/src/a.cpp", '#include "tm485/time.hpp"', "layer", "posix must not include base"),
     ("hal/sim/src/a.cpp", '#include "tm485/linux/l.hpp"', "layer", "sim must not include linux"),
     ("hal/sim/src/a.cpp", '#include "tm485/mcu/u.hpp"', "layer", "sim must not include mcu"),
     ("hal/mcu/include/tm485/mcu/a.hpp", '#include "tm485/linux/l.hpp"', "layer", "mcu must not include linux"),

@@ -16,7 +16,6 @@
 namespace tm485::test {
 namespace {
 
-using linux_hal::FileDescriptor;
 using linux_hal::SerialPort;
 using linux_hal::UnixPort;
 
@@ -76,13 +75,13 @@ class UnixSocketRig : public StreamRig<UnixPort> {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
     std::memcpy(address.sun_path, path.data(), path.size());
-    const FileDescriptor listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const posix::FileDescriptor listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     EXPECT_EQ(bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     EXPECT_EQ(listen(listener.get(), 1), 0);
     auto port = UnixPort::connect(path);
     if (!port) throw std::runtime_error(port.error().message());
     port_.emplace(std::move(*port));
-    server_ = FileDescriptor(accept4(listener.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    server_ = posix::FileDescriptor(accept4(listener.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     EXPECT_TRUE(server_.valid());
   }
   bool vanish() override { return server_.close(), true; }
@@ -90,7 +89,7 @@ class UnixSocketRig : public StreamRig<UnixPort> {
  private:
   [[nodiscard]] int far_end() const override { return server_.get(); }
   linux_hal::test::TemporaryFolder folder_;
-  FileDescriptor server_;
+  posix::FileDescriptor server_;
 };
 
 std::unique_ptr<Rig> unix_socket() { return std::make_unique<UnixSocketRig>(); }

@@ -6,7 +6,7 @@ file(STRINGS ${ROOT}/docs/api-contexts.md sections REGEX "^### `tm485/[^`]+`")
 list(TRANSFORM sections REPLACE "^### `([^`]+)`.*" "\\1")
 
 set(headers "")
-foreach(folder IN ITEMS core/include core/c/include core/design/include hal/sim/include hal/mcu/include hal/linux/include)
+foreach(folder IN ITEMS core/include core/c/include core/design/include hal/posix/include hal/sim/include hal/mcu/include hal/linux/include)
   file(GLOB_RECURSE found RELATIVE ${ROOT}/${folder} ${ROOT}/${folder}/*.hpp ${ROOT}/${folder}/*.h)
   list(APPEND headers ${found})
 endforeach()

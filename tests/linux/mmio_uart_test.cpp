@@ -33,7 +33,7 @@ class Memory {
  public:
   explicit Memory(const std::string& path) : path_(path) {
     std::ofstream(path, std::ios::binary) << std::string(kSize, '\0');
-    const FileDescriptor fd(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+    const posix::FileDescriptor fd(::open(path.c_str(), O_RDWR | O_CLOEXEC));
     base_ = static_cast<volatile std::uint8_t*>(
         mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0));
   }

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tm485/linux/file_descriptor.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 
 namespace tm485::linux_hal::test {
 
@@ -28,7 +28,7 @@ class PseudoTerminal {
   std::size_t drain();
 
  private:
-  FileDescriptor master_;
+  posix::FileDescriptor master_;
   std::string path_;
 };
 

@@ -191,7 +191,7 @@ TEST(SerialPort, ARefusedSecondOpenLeavesTheFirstAlone) {
 
 TEST(SerialPort, PutsTheSettingsBackWhenItCloses) {
   const PseudoTerminal terminal;
-  const FileDescriptor watcher(::open(terminal.path().c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  const posix::FileDescriptor watcher(::open(terminal.path().c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(watcher.valid());
   const KernelSettings before = test::kernel_settings(watcher.get());
   ASSERT_TRUE(before.canonical);
@@ -219,7 +219,7 @@ TEST(SerialPort, EveryByteValuePassesBothWays) {
 
 TEST(SerialPort, WhatCameBeforeItOpenedIsDropped) {
   PseudoTerminal terminal;
-  const FileDescriptor holder(::open(terminal.path().c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  const posix::FileDescriptor holder(::open(terminal.path().c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   terminal.write({'o', 'l', 'd', '\n'});
   SerialPort port = open_port(terminal);
   terminal.drain();  // the terminal has echoed the line before it was raw

@@ -18,11 +18,11 @@ constexpr std::array<std::uint8_t, 4> kFour{0x32, 0x05, 0xA5, 0x92};
 
 class StreamPortTest : public ::testing::Test {
  protected:
-  StreamPortTest() : port_(FileDescriptor(), StreamKind::socket, 1, {}) {
+  StreamPortTest() : port_(posix::FileDescriptor(), StreamKind::socket, 1, {}) {
     int ends[2] = {-1, -1};
     EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends), 0);
-    port_ = StreamPort(FileDescriptor(ends[0]), StreamKind::socket, 2'500'000, {});
-    peer_ = FileDescriptor(ends[1]);
+    port_ = StreamPort(posix::FileDescriptor(ends[0]), StreamKind::socket, 2'500'000, {});
+    peer_ = posix::FileDescriptor(ends[1]);
   }
 
   void peer_writes(std::span<const std::uint8_t> bytes) {
@@ -36,7 +36,7 @@ class StreamPortTest : public ::testing::Test {
   }
 
   StreamPort port_;
-  FileDescriptor peer_;
+  posix::FileDescriptor peer_;
   std::array<std::uint8_t, 16> buffer_{};
 };
 
@@ -114,8 +114,8 @@ TEST_F(StreamPortTest, GoneIsRememberedEvenIfTheDescriptorWorksAgain) {
   ASSERT_EQ(port_.try_receive(buffer_, Time{0}).fault, Errc::port_gone);
   int ends[2] = {-1, -1};
   ASSERT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends), 0);
-  const FileDescriptor first(ends[0]);
-  const FileDescriptor second(ends[1]);
+  const posix::FileDescriptor first(ends[0]);
+  const posix::FileDescriptor second(ends[1]);
   ASSERT_GE(dup2(first.get(), port_.descriptor()), 0);
   ASSERT_EQ(write(second.get(), kFour.data(), kFour.size()), 4);
   EXPECT_EQ(port_.try_receive(buffer_, Time{0}).fault, Errc::port_gone);

@@ -21,8 +21,8 @@ using ::testing::HasSubstr;
 
 constexpr std::array<std::uint8_t, 4> kFour{0x32, 0x05, 0xA5, 0x92};
 
-FileDescriptor bind_to(const std::string& path, int type) {
-  FileDescriptor fd(socket(AF_UNIX, type | SOCK_CLOEXEC, 0));
+posix::FileDescriptor bind_to(const std::string& path, int type) {
+  posix::FileDescriptor fd(socket(AF_UNIX, type | SOCK_CLOEXEC, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::memcpy(address.sun_path, path.data(), path.size());
@@ -30,8 +30,8 @@ FileDescriptor bind_to(const std::string& path, int type) {
   return fd;
 }
 
-FileDescriptor listen_on(const std::string& path, int backlog) {
-  FileDescriptor fd = bind_to(path, SOCK_STREAM);
+posix::FileDescriptor listen_on(const std::string& path, int backlog) {
+  posix::FileDescriptor fd = bind_to(path, SOCK_STREAM);
   EXPECT_EQ(listen(fd.get(), backlog), 0);
   return fd;
 }
@@ -43,10 +43,10 @@ class UnixPortTest : public ::testing::Test {
 };
 
 TEST_F(UnixPortTest, ExchangesBytesUntilTheServerCloses) {
-  const FileDescriptor listener = listen_on(path_, 1);
+  const posix::FileDescriptor listener = listen_on(path_, 1);
   auto port = UnixPort::connect(path_);
   ASSERT_TRUE(port) << port.error().message();
-  FileDescriptor server(accept(listener.get(), nullptr, nullptr));
+  posix::FileDescriptor server(accept(listener.get(), nullptr, nullptr));
   ASSERT_TRUE(server.valid());
   ASSERT_EQ(port->try_send(kFour, Time{7}), Time{7});
   EXPECT_EQ(port->transmission(Time{7}).state, Transmission::State::sending);
@@ -62,7 +62,7 @@ TEST_F(UnixPortTest, ExchangesBytesUntilTheServerCloses) {
 }
 
 TEST_F(UnixPortTest, StatesAndTakesACapability) {
-  const FileDescriptor listener = listen_on(path_, 2);
+  const posix::FileDescriptor listener = listen_on(path_, 2);
   const auto port = UnixPort::connect(path_);
   ASSERT_TRUE(port);
   EXPECT_EQ(port->capability().shortest_exchange, Time{0});
@@ -95,7 +95,7 @@ TEST_F(UnixPortTest, ALeftOverSocketAsksForTheServer) {
 TEST_F(UnixPortTest, OtherThingsAreRefused) {
   std::ofstream(folder_ / "file") << "x";
   EXPECT_EQ(UnixPort::connect(folder_ / "file").error().error_number, ECONNREFUSED);
-  const FileDescriptor datagrams = bind_to(folder_ / "datagrams", SOCK_DGRAM);
+  const posix::FileDescriptor datagrams = bind_to(folder_ / "datagrams", SOCK_DGRAM);
   EXPECT_EQ(UnixPort::connect(folder_ / "datagrams").error().error_number, EPROTOTYPE);
   EXPECT_EQ(UnixPort::connect("").error().error_number, EINVAL);
   EXPECT_EQ(UnixPort::connect(path_, {.bit_rate = 0}).error().error_number, EINVAL);
@@ -104,7 +104,7 @@ TEST_F(UnixPortTest, OtherThingsAreRefused) {
 TEST_F(UnixPortTest, AnOverlongPathIsRefusedAndTheLongestIsNot) {
   std::string longest = folder_ / "";
   longest.append(sizeof(sockaddr_un::sun_path) - 1 - longest.size(), 'x');
-  const FileDescriptor listener = listen_on(longest, 1);
+  const posix::FileDescriptor listener = listen_on(longest, 1);
   EXPECT_TRUE(UnixPort::connect(longest));
   const auto port = UnixPort::connect(longest + "x");
   ASSERT_FALSE(port);
@@ -113,7 +113,7 @@ TEST_F(UnixPortTest, AnOverlongPathIsRefusedAndTheLongestIsNot) {
 }
 
 TEST_F(UnixPortTest, AServerThatDoesNotAcceptIsGivenUp) {
-  const FileDescriptor listener = listen_on(path_, 0);
+  const posix::FileDescriptor listener = listen_on(path_, 0);
   const UnixOptions options{.connect_time = std::chrono::milliseconds(20)};
   std::vector<UnixPort> waiting;
   for (int i = 0; i < 16; ++i) {
@@ -132,10 +132,10 @@ TEST_F(UnixPortTest, AServerThatDoesNotAcceptIsGivenUp) {
 TEST_F(UnixPortTest, LeaksNoDescriptor) {
   const std::size_t before = test::open_descriptors();
   {
-    const FileDescriptor listener = listen_on(path_, 1);
+    const posix::FileDescriptor listener = listen_on(path_, 1);
     for (int i = 0; i < 1000; ++i) {
       EXPECT_TRUE(UnixPort::connect(path_));
-      FileDescriptor(accept(listener.get(), nullptr, nullptr)).close();
+      posix::FileDescriptor(accept(listener.get(), nullptr, nullptr)).close();
       EXPECT_FALSE(UnixPort::connect(path_ + "missing"));
     }
   }

@@ -53,7 +53,7 @@ class LoggingTty : public FakeTty {
 
 StreamPort open_stream() {
   const int fd = ::open(kPath, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-  return {FileDescriptor(fd), StreamKind::tty, kBitRate, {.timing = TimingClass::soft}};
+  return {posix::FileDescriptor(fd), StreamKind::tty, kBitRate, {.timing = TimingClass::soft}};
 }
 
 class KernelDirectionTest : public ::testing::Test {

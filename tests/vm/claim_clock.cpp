@@ -8,11 +8,11 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "tm485/linux/file_descriptor.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 
 int main(int count, char** arguments) {
   if (count != 3) return 2;
-  const tm485::linux_hal::FileDescriptor tty(::open(arguments[1], O_RDWR | O_NOCTTY | O_NONBLOCK));
+  const tm485::posix::FileDescriptor tty(::open(arguments[1], O_RDWR | O_NOCTTY | O_NONBLOCK));
   serial_struct settings{};
   if (!tty.valid() || ioctl(tty.get(), TIOCGSERIAL, &settings) != 0) {
     std::perror(arguments[1]);

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "tm485/linux/file_descriptor.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 
 namespace tm485::vm {
 
@@ -20,12 +20,12 @@ class SeenLevel {
     if (where.starts_with("0x")) {
       const auto address = static_cast<off_t>(std::strtoull(where.c_str(), nullptr, 16));
       const off_t page = address & ~off_t{kPage - 1};
-      file_ = linux_hal::FileDescriptor(::open("/dev/mem", O_RDONLY | O_SYNC | O_CLOEXEC));
+      file_ = posix::FileDescriptor(::open("/dev/mem", O_RDONLY | O_SYNC | O_CLOEXEC));
       void* const memory = ::mmap(nullptr, kPage, PROT_READ, MAP_SHARED, file_.get(), page);
       if (memory != MAP_FAILED)
         register_ = static_cast<const volatile std::uint8_t*>(memory) + (address - page);
     } else {
-      file_ = linux_hal::FileDescriptor(::open(where.c_str(), O_RDONLY | O_CLOEXEC));
+      file_ = posix::FileDescriptor(::open(where.c_str(), O_RDONLY | O_CLOEXEC));
     }
   }
 
@@ -39,7 +39,7 @@ class SeenLevel {
 
  private:
   static constexpr std::size_t kPage = 4096;
-  linux_hal::FileDescriptor file_;
+  posix::FileDescriptor file_;
   const volatile std::uint8_t* register_ = nullptr;  ///< mapped until the program ends
 };
 

@@ -18,7 +18,7 @@
 
 #include "stop_signal.hpp"
 #include "tm485/linux/clock.hpp"
-#include "tm485/linux/file_descriptor.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 
 namespace tm485::cli {
 namespace {
@@ -164,8 +164,8 @@ std::expected<CyclictestResult, Problem> run_cyclictest(const std::string& path,
   std::array<int, 2> ends{-1, -1};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
     return std::unexpected(failed("no pipe: " + std::generic_category().message(errno)));
-  const linux_hal::FileDescriptor reading(ends[0]);
-  linux_hal::FileDescriptor writing(ends[1]);
+  const posix::FileDescriptor reading(ends[0]);
+  posix::FileDescriptor writing(ends[1]);
   const auto child = spawn(path, arguments, writing.get());
   if (!child) return std::unexpected(child.error());
   writing.close();

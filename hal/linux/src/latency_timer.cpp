@@ -9,14 +9,14 @@
 
 #include "retried.hpp"
 #include "system_files.hpp"
-#include "tm485/linux/file_descriptor.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 
 namespace tm485::linux_hal {
 namespace {
 
 /// 0 or errno.
 int write_text(const std::string& path, std::string_view text) {
-  const FileDescriptor fd(retried([&] { return ::open(path.c_str(), O_WRONLY | O_CLOEXEC); }));
+  const posix::FileDescriptor fd(retried([&] { return ::open(path.c_str(), O_WRONLY | O_CLOEXEC); }));
   if (!fd.valid()) return errno;
   const auto written = retried([&] { return ::write(fd.get(), text.data(), text.size()); });
   if (written < 0) return errno;

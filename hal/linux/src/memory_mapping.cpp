@@ -103,7 +103,7 @@ int MemoryMapping::map(const std::string& path, std::uint64_t offset, std::size_
   const std::size_t inside = static_cast<std::size_t>(offset % page);
   // O_SYNC: not through the cache.
   step = "open";
-  fd_ = FileDescriptor(::open(path.c_str(), O_RDWR | O_SYNC | O_CLOEXEC | O_NOCTTY));
+  fd_ = posix::FileDescriptor(::open(path.c_str(), O_RDWR | O_SYNC | O_CLOEXEC | O_NOCTTY));
   if (!fd_.valid()) return errno;
   step = "lock";
   if (const int error_number = lock(fd_.get(), offset, length); error_number != 0) return error_number;

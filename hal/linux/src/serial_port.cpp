@@ -93,7 +93,7 @@ std::expected<SerialPort, OsError> SerialPort::open(const std::string& path, con
                                    "give a bit rate above 0 and times that are not negative"});
   }
   // O_NONBLOCK also keeps open() from waiting for a carrier.
-  FileDescriptor fd(
+  posix::FileDescriptor fd(
       retried([&path] { return ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC); }));
   if (!fd.valid()) return std::unexpected(serial_error(path, "open", errno));
   if (const auto terminal = read_settings(fd.get()); !terminal)

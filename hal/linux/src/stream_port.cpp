@@ -32,7 +32,7 @@ constexpr bool is_full_or_empty(int error_number) noexcept {
 
 }  // namespace
 
-StreamPort::StreamPort(FileDescriptor fd, StreamKind kind, std::uint32_t bit_rate,
+StreamPort::StreamPort(posix::FileDescriptor fd, StreamKind kind, std::uint32_t bit_rate,
                        const PortCapability& capability) noexcept
     : fd_(std::move(fd)),
       kind_(kind),

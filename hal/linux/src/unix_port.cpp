@@ -59,7 +59,7 @@ std::expected<UnixPort, OsError> UnixPort::connect(const std::string& path, cons
   if (path.size() >= sizeof address.sun_path)
     return std::unexpected(socket_error(path, "connect", ENAMETOOLONG));
   std::memcpy(address.sun_path, path.data(), path.size());
-  FileDescriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  posix::FileDescriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!fd.valid()) return std::unexpected(socket_error(path, "socket", errno));
   if (const int error_number = connect_within(fd.get(), address, options.connect_time); error_number != 0)
     return std::unexpected(socket_error(path, "connect", error_number));

@@ -5,26 +5,14 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
-#include <filesystem>
 #include <system_error>
-#include <utility>
 
-#include "endpoint.hpp"
 #include "server_error.hpp"
+#include "tm485/posix/file_descriptor.hpp"
+#include "tm485/posix/replace_file.hpp"
 
 namespace tm485::sim {
 namespace {
-
-constexpr mode_t kNewFileMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH;
-constexpr mode_t kPermissions = 0777;
-
-/// Where the links lead, so that a save replaces the file and not the link.
-std::string without_links(const std::string& path) {
-  std::error_code error;
-  const auto real = std::filesystem::weakly_canonical(path, error);
-  return error ? path : real.string();
-}
 
 bool read_all(int fd, std::span<std::uint8_t> bytes) {
   while (!bytes.empty()) {
@@ -37,36 +25,14 @@ bool read_all(int fd, std::span<std::uint8_t> bytes) {
   return true;
 }
 
-bool write_all(int fd, std::span<const std::uint8_t> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t count = ::write(fd, bytes.data(), bytes.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return false;
-    bytes = bytes.subspan(static_cast<std::size_t>(count));
-  }
-  return true;
-}
-
-/// A file of a new name, written to `name`: what lies beside `path` is somebody's, a link or a pipe perhaps, and is left alone.
-FileDescriptor create_beside(const std::string& path, mode_t mode, std::string& name) {
-  constexpr int kMostLeftovers = 16;  // of processes that were killed
-  int file = -1;
-  for (int attempt = 0; attempt < kMostLeftovers && file < 0; ++attempt) {
-    name = path + "." + std::to_string(::getpid()) + "." + std::to_string(attempt) + ".new";
-    file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-    if (file < 0 && errno != EEXIST) break;
-  }
-  return FileDescriptor{file};
-}
-
 }  // namespace
 
-EepromFile::EepromFile(const std::string& path) : path_{without_links(path)} {}
+EepromFile::EepromFile(const std::string& path) : path_{posix::without_links(path)} {}
 
 std::expected<std::optional<std::vector<std::uint8_t>>, ServerError> EepromFile::load(std::size_t size) {
   const std::string what = "loading the EEPROM from '" + path_ + "'";
-  const FileDescriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
-  if (!file.is_open()) {
+  const posix::FileDescriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+  if (!file.valid()) {
     if (errno == ENOENT) return std::nullopt;
     return failed(what, "choose a file that you may read");
   }
@@ -86,21 +52,10 @@ std::expected<std::optional<std::vector<std::uint8_t>>, ServerError> EepromFile:
 
 std::expected<void, ServerError> EepromFile::save(std::span<const std::uint8_t> bytes) const {
   const std::string what = "saving the EEPROM to '" + path_ + "'";
-  const char* const remedy =
-      "choose a path in a directory that exists, that you may write, and that has space";
-  struct stat old{};
-  const bool replaces = ::stat(path_.c_str(), &old) == 0;
-  const mode_t mode = old.st_mode & kPermissions;
-  std::string fresh;
-  const FileDescriptor file = create_beside(path_, replaces ? mode : kNewFileMode, fresh);
-  if (!file.is_open()) return failed(what, remedy);
-  if (!write_all(file.get(), bytes) || (replaces && ::fchmod(file.get(), mode) != 0) ||
-      ::fsync(file.get()) != 0 || ::rename(fresh.c_str(), path_.c_str()) != 0) {
-    const auto error = failed(what, remedy);
-    ::unlink(fresh.c_str());
-    return error;
-  }
-  return {};
+  const std::error_code error = posix::replace_file(path_, bytes);
+  if (!error) return {};
+  errno = error.value();
+  return failed(what, "choose a path in a directory that exists, that you may write, and that has space");
 }
 
 }  // namespace tm485::sim

@@ -1,8 +1,8 @@
 // The file that the simulated encoder's EEPROM survives in: its bytes, page after page, and nothing else.
 //
 // Every save replaces the whole file at once, so whoever reads it, and a process that is killed at any moment, finds
-// the old bytes or the new ones. After a crash of the machine the file system decides which of the two. Two servers on
-// one file overwrite each other: whoever saves last has it.
+// the old bytes or the new ones; after the return the new ones, also if the machine crashes. Two servers on one file
+// overwrite each other: whoever saves last has it.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace tm485::sim {
 
-/// System calls, and the time that the disk takes.
+/// System calls, and the time that the disk takes: a save waits for the file and for its directory.
 class EepromFile {
  public:
   /// `path` may be a symbolic link to the file.

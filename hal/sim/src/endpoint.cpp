@@ -45,14 +45,9 @@ bool would_block(int code) noexcept { return code == EAGAIN || code == EWOULDBLO
 
 }  // namespace
 
-void FileDescriptor::reset(int fd) noexcept {
-  if (fd_ >= 0) ::close(fd_);
-  fd_ = fd;
-}
-
 std::expected<std::unique_ptr<Endpoint>, ServerError> Endpoint::open_pty(const std::string& link_path) {
   std::unique_ptr<Endpoint> endpoint{new Endpoint};
-  endpoint->terminal_fd_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  endpoint->terminal_fd_ = posix::FileDescriptor(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   const int master = endpoint->terminal_fd_.get();
   std::array<char, kLongestName> name{};
   if (master < 0 || ::grantpt(master) != 0 || ::unlockpt(master) != 0) {
@@ -63,7 +58,7 @@ std::expected<std::unique_ptr<Endpoint>, ServerError> Endpoint::open_pty(const s
     return failed("naming the pseudo-terminal", "check that /dev/pts is mounted");
   }
   endpoint->terminal_ = name.data();
-  endpoint->slave_fd_.reset(::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+  endpoint->slave_fd_ = posix::FileDescriptor(::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));
   termios settings{};
   const int slave = endpoint->slave_fd_.get();
   if (slave < 0 || ::tcgetattr(slave, &settings) != 0) {
@@ -107,7 +102,7 @@ std::expected<std::unique_ptr<Endpoint>, ServerError> Endpoint::open_unix(const 
     if (!S_ISSOCK(status.st_mode)) {
       return refused(what, "something exists there that is not a socket", "choose another path or remove it");
     }
-    const FileDescriptor probe{::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+    const posix::FileDescriptor probe{::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
     if (::connect(probe.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0 ||
         errno != ECONNREFUSED) {
       return refused(what, "another process serves it", "stop that process or choose another path");
@@ -125,10 +120,10 @@ std::expected<void, ServerError> Endpoint::bind_at(const std::string& path) {
   constexpr int kBacklog = 4;
   const auto address = address_of(path);
   if (!address) return std::unexpected{address.error()};
-  listener_.reset(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  listener_ = posix::FileDescriptor(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   // The mode of the unbound socket is that of the file from its first moment on (Linux); the second call,
   // on the file, is for systems that do not know that.
-  if (!listener_.is_open() || ::fchmod(listener_.get(), kOwnerOnly) != 0 ||
+  if (!listener_.valid() || ::fchmod(listener_.get(), kOwnerOnly) != 0 ||
       ::bind(listener_.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0) {
     return failed(what, "choose a path in a directory that exists and that you may write");
   }
@@ -160,8 +155,8 @@ Endpoint::~Endpoint() {
 }
 
 std::expected<std::size_t, ServerError> Endpoint::wait(std::span<std::uint8_t> buffer, int timeout_ms) {
-  const bool is_socket = listener_.is_open();
-  const bool accepting = is_socket && !client_.is_open();
+  const bool is_socket = listener_.valid();
+  const bool accepting = is_socket && !client_.valid();
   const int fd = accepting ? listener_.get() : is_socket ? client_.get() : terminal_fd_.get();
   pollfd waiting{.fd = fd, .events = POLLIN, .revents = 0};
   const int ready = ::poll(&waiting, 1, timeout_ms);
@@ -173,7 +168,7 @@ std::expected<std::size_t, ServerError> Endpoint::wait(std::span<std::uint8_t> b
   if (count > 0) return static_cast<std::size_t>(count);
   if (count < 0 && would_block(errno)) return std::size_t{0};
   if (is_socket) {
-    client_.reset();  // gone, in order or not: the next one is welcome
+    client_.close();  // gone, in order or not: the next one is welcome
     return std::size_t{0};
   }
   if (count == 0) errno = EIO;
@@ -181,8 +176,8 @@ std::expected<std::size_t, ServerError> Endpoint::wait(std::span<std::uint8_t> b
 }
 
 std::expected<std::size_t, ServerError> Endpoint::accept_client() {
-  client_.reset(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-  if (client_.is_open()) {
+  client_ = posix::FileDescriptor(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+  if (client_.valid()) {
     ++clients_;
   } else if (!would_block(errno) && errno != ECONNABORTED && errno != EPROTO) {
     return failed("accepting a client on " + path_, "raise the limit of open files, or restart the server");
@@ -194,7 +189,7 @@ std::size_t Endpoint::write(std::span<const std::uint8_t> bytes) noexcept {
   std::size_t done = 0;
   while (done < bytes.size()) {
     const auto rest = bytes.subspan(done);
-    const ssize_t count = listener_.is_open()
+    const ssize_t count = listener_.valid()
                               ? ::send(client_.get(), rest.data(), rest.size(), MSG_NOSIGNAL | MSG_DONTWAIT)
                               : ::write(terminal_fd_.get(), rest.data(), rest.size());
     if (count < 0 && errno == EINTR) continue;

@@ -10,34 +10,10 @@
 #include <span>
 #include <string>
 
+#include "tm485/posix/file_descriptor.hpp"
 #include "tm485/sim/server.hpp"
 
 namespace tm485::sim {
-
-/// A file descriptor that closes itself.
-class FileDescriptor {
- public:
-  FileDescriptor() noexcept = default;
-  explicit FileDescriptor(int fd) noexcept : fd_{fd} {}
-  FileDescriptor(FileDescriptor&& other) noexcept : fd_{other.release()} {}
-  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
-    reset(other.release());
-    return *this;
-  }
-  ~FileDescriptor() { reset(); }
-
-  [[nodiscard]] int get() const noexcept { return fd_; }
-  [[nodiscard]] bool is_open() const noexcept { return fd_ >= 0; }
-  void reset(int fd = -1) noexcept;
-
- private:
-  int release() noexcept {
-    const int fd = fd_;
-    fd_ = -1;
-    return fd;
-  }
-  int fd_ = -1;
-};
 
 /// Nothing here blocks, except as `wait` says.
 class Endpoint {
@@ -72,10 +48,11 @@ class Endpoint {
   bool owns_path_ = false;  // a link or a socket to remove at the end
   dev_t socket_device_ = 0;
   ino_t socket_inode_ = 0;
-  FileDescriptor terminal_fd_;  // our side; the other is kept open so that a client's close is no hang-up
-  FileDescriptor slave_fd_;
-  FileDescriptor listener_;
-  FileDescriptor client_;
+  posix::FileDescriptor
+      terminal_fd_;  // our side; the other is kept open so that a client's close is no hang-up
+  posix::FileDescriptor slave_fd_;
+  posix::FileDescriptor listener_;
+  posix::FileDescriptor client_;
   std::uint64_t clients_ = 0;
 };
 

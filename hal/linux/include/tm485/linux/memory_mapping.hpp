@@ -7,8 +7,8 @@
 #include <string>
 #include <utility>
 
-#include "tm485/linux/file_descriptor.hpp"
 #include "tm485/linux/os_error.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 
 namespace tm485::linux_hal {
 
@@ -55,7 +55,7 @@ class MemoryMapping {
   [[nodiscard]] int map(const std::string& path, std::uint64_t offset, std::size_t length, const char*& step);
   void unmap() noexcept;
 
-  FileDescriptor fd_;  ///< holds the lock
+  posix::FileDescriptor fd_;  ///< holds the lock
   std::byte* base_ = nullptr;
   std::size_t mapped_ = 0;  ///< bytes, whole pages
   std::size_t offset_ = 0;  ///< of the first register in the first page

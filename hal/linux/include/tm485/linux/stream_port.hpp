@@ -17,8 +17,8 @@
 
 #include "tm485/bus/port.hpp"
 #include "tm485/errc.hpp"
-#include "tm485/linux/file_descriptor.hpp"
 #include "tm485/linux/line_counters.hpp"
+#include "tm485/posix/file_descriptor.hpp"
 #include "tm485/time.hpp"
 
 namespace tm485::linux_hal {
@@ -30,7 +30,7 @@ enum class StreamKind : std::uint8_t { tty, socket };
 class StreamPort {
  public:
   /// Takes over an open, non-blocking descriptor. `bit_rate` (not 0): when a request is off the line.
-  StreamPort(FileDescriptor fd, StreamKind kind, std::uint32_t bit_rate,
+  StreamPort(posix::FileDescriptor fd, StreamKind kind, std::uint32_t bit_rate,
              const PortCapability& capability) noexcept;
 
   [[nodiscard]] PortCapability capability() const noexcept { return capability_; }
@@ -84,7 +84,7 @@ class StreamPort {
   static constexpr std::int64_t kCharacterBits = 10;
   static constexpr std::int64_t kSecond = 1'000'000'000;
 
-  FileDescriptor fd_;
+  posix::FileDescriptor fd_;
   StreamKind kind_;
   bool gone_ = false;
   int last_errno_ = 0;

@@ -5,7 +5,7 @@
 
 #include <utility>
 
-namespace tm485::linux_hal {
+namespace tm485::posix {
 
 /// Any thread, one at a time.
 class FileDescriptor {
@@ -38,4 +38,4 @@ class FileDescriptor {
   int fd_ = -1;
 };
 
-}  // namespace tm485::linux_hal
+}  // namespace tm485::posix
