@@ -122,7 +122,7 @@ class BasicEepromManager {
   [[nodiscard]] bool under_way() const noexcept { return under_way_; }
   /// The request that next() gave has its result.
   void on_completion(const Completion& completion, Time now) noexcept;
-  /// The bus did not take it: no_gap ends the task; anything else is tried again.
+  /// The bus did not take it: no_gap ends the task; anything else is tried again. So is what the bus took and found no gap for.
   void on_refused(Errc cause, Time now) noexcept;
   /// The encoder was restarted, or may have been: its page is not known any more.
   void on_restart() noexcept { doubt_page(); }
@@ -168,6 +168,8 @@ class BasicEepromManager {
   void fail(Errc code, std::uint8_t wanted = 0, std::uint8_t found = 0) noexcept;
   void end(const EepromError& outcome) noexcept;
 
+  void try_again(Errc cause, Time now) noexcept;
+  void on_unsent(Errc cause, Time now) noexcept;
   void on_failure(Errc cause, Time now) noexcept;
   void on_busy(Time now) noexcept;
   void on_wrong_echo(const Frame& echo, Time now) noexcept;
@@ -200,6 +202,7 @@ class BasicEepromManager {
   std::uint8_t page_looks_ = 0;  ///< have said so, and nothing has happened since that could have changed it
   bool under_way_ = false;
   bool cancelled_ = false;
+  bool unsent_ = false;  ///< what is tried again was not sent the last time
   std::uint8_t tries_ = 0;
   std::uint8_t rewrites_ = 0;
   std::uint8_t selects_ = 0;

@@ -30,6 +30,7 @@ std::expected<void, Errc> BasicEepromManager<D>::begin(Task task, unsigned first
   once_more_ = false;
   wait_until_ = Time{0};
   failing_since_ = kNever;
+  unsent_ = false;
   // Begins in the page that is selected now, if the range has all of it from its first byte: one change less.
   const unsigned here = page_ ? unsigned{*page_} * profile_->profile().eeprom_page_bytes : 0;
   at_ = here > first_ && here < first_ + count_ ? here : first_;
@@ -163,7 +164,7 @@ template <class D>
 void BasicEepromManager<D>::on_refused(Errc cause, Time now) noexcept {
   under_way_ = false;
   if (cause == Errc::no_gap || cause == Errc::bad_argument) return fail(cause);
-  on_failure(cause, now);
+  on_unsent(cause, now);
 }
 
 template <class D>
@@ -172,6 +173,8 @@ void BasicEepromManager<D>::on_completion(const Completion& completion, Time now
   if (!active()) return;
   const bool wrote = action_ == Action::write || action_ == Action::select_page;
   const Errc error = completion.result ? Errc::ok : completion.result.error();
+  // The bus had no gap for it in all its patience, or stopped first.
+  if (error == Errc::no_gap || error == Errc::bad_state) return on_unsent(error, now);
   if (!completion.heard) return on_failure(error == Errc::ok ? Errc::bad_state : error, now);
   const Frame& heard = completion.heard->frame();
   last_heard_ = now;
@@ -180,9 +183,13 @@ void BasicEepromManager<D>::on_completion(const Completion& completion, Time now
     if (!wrote) return on_failure(error, now);
     if (D::kComparesEcho) return on_wrong_echo(heard, now);
   }
-  tries_ = 0;
   busy_looks_ = 0;
-  failing_since_ = kNever;
+  // A look at the page fits where a write does not.
+  if (!unsent_ || action_ != Action::check_page) {
+    tries_ = 0;
+    failing_since_ = kNever;
+    unsent_ = false;
+  }
   if (wrote) return on_echo(now);
   on_data(heard.edf());
 }
@@ -195,18 +202,37 @@ void BasicEepromManager<D>::on_busy(Time now) noexcept {
   wait_until_ = now + kBusyPause;
 }
 
-/// No reply that can be used. A write may have done its work all the same: that is looked at, not assumed.
+/// Tried again, unless that has gone on for too long.
 template <class D>
-void BasicEepromManager<D>::on_failure(Errc cause, Time now) noexcept {
+void BasicEepromManager<D>::try_again(Errc cause, Time now) noexcept {
   const Profile& p = profile_->profile();
   ++progress_.retries;
-  doubt_page();
   if (failing_since_ == kNever) failing_since_ = now;
   if (tries_ < kMostTries) ++tries_;
   if (tries_ == kMostTries && now - failing_since_ > 2 * p.power_up_time) return fail(cause);
   // Against noise at once; an encoder that boots is asked a few times a boot time.
   wait_until_ = now + (tries_ <= 3 ? Time{0} : std::max(p.boot_time_min / 8, Time{1'000'000}));
-  if (action_ != Action::write && action_ != Action::select_page) return;
+}
+
+/// Nothing was sent, so nothing has changed and nothing is in doubt.
+template <class D>
+void BasicEepromManager<D>::on_unsent(Errc cause, Time now) noexcept {
+  if (action_ == Action::select_page) {
+    --selects_;
+    --progress_.page_selects;
+  }
+  if (action_ == Action::write) --progress_.writes;
+  unsent_ = true;
+  try_again(cause, now);
+}
+
+/// No reply that can be used. A write may have done its work all the same: that is looked at, not assumed.
+template <class D>
+void BasicEepromManager<D>::on_failure(Errc cause, Time now) noexcept {
+  const Profile& p = profile_->profile();
+  doubt_page();
+  try_again(cause, now);
+  if (!active() || (action_ != Action::write && action_ != Action::select_page)) return;
   wait_until_ = std::max(wait_until_, now + std::max(p.eeprom_write_time, p.eeprom_page_time));
   if (action_ == Action::write && suspect_ == Suspect::none) phase_ = Phase::read_back;
   // Noise may have made another write of it, and nobody has heard which.
