@@ -8,6 +8,7 @@
 #   tools/fuzz.sh --seed S ...                           from the corpora of the tree only, and as little by chance as
 #                                                        libFuzzer can: some targets go the same way every time
 #   tools/fuzz.sh --plain ...                            without sanitizers, and comparisons not looked at: many more executions
+#   tools/fuzz.sh --longest N ...                        inputs of at most N bytes: 1024 by default, files 8192
 #   tools/fuzz.sh --list                                 the targets
 #   tools/fuzz.sh --replay TARGET FILE...                runs files, for example one that a fuzzer has kept
 #
@@ -19,7 +20,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
 all=(frame reply request exchange bus c sim_options image journal profile quantities arguments)
-seconds=60 runs=0 seed=0 preset=asan profile=1 targets=()
+seconds=60 runs=0 seed=0 preset=asan profile=1 most=0 targets=()
 number() { [[ ${1:-} =~ ^[1-9][0-9]*$ ]] || { printf 'fuzz: expected a number, got "%s"\n' "${1:-}" >&2 && exit 2; }; }
 known() { [[ " ${all[*]} " == *" ${1:-} "* ]] || { printf 'fuzz: no target "%s"; there are: %s\n' "${1:-}" "${all[*]}" >&2 && exit 2; }; }
 replay=""
@@ -30,6 +31,7 @@ while (($#)); do
     --seconds) number "${2:-}" && seconds=$2 && shift 2 ;;
     --runs) number "${2:-}" && runs=$2 && shift 2 ;;
     --seed) number "${2:-}" && seed=$2 profile=0 && shift 2 ;;
+    --longest) number "${2:-}" && most=$2 && shift 2 ;;
     --plain) preset=fuzz profile=0 && shift ;;
     --replay) known "${2:-}" && replay=$2 && shift 2 && break ;;
     *) known "$1" && targets+=("$1") && shift ;;
@@ -57,6 +59,7 @@ one() {
   shift
   local log=$logs/$target.log found=build/fuzz/corpus/$target longest=1024
   [[ $target != image && $target != journal && $target != profile ]] || longest=8192
+  ((most == 0)) || longest=$most
   if ((seed != 0)); then
     found=build/fuzz/seed-$seed/$target && rm -rf "$found"
     set -- "$@" -entropic=0 -reload=0 # these go by the clock
@@ -77,7 +80,7 @@ one() {
   }
 }
 export -f one
-export programs crashes logs seed profile
+export programs crashes logs seed profile most
 if ((runs)); then
   limit=(-runs="$runs")
 else
