@@ -202,7 +202,7 @@ class BasicEepromManager {
   std::uint8_t page_looks_ = 0;  ///< have said so, and nothing has happened since that could have changed it
   bool under_way_ = false;
   bool cancelled_ = false;
-  bool unsent_ = false;  ///< what is tried again was not sent the last time
+  bool unsent_ = false;  ///< something was not sent, and since then nothing but the page was heard
   std::uint8_t tries_ = 0;
   std::uint8_t rewrites_ = 0;
   std::uint8_t selects_ = 0;
