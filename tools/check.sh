@@ -22,9 +22,9 @@ warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werr
 # sources PATTERN...: the tree's files, with those that are not yet committed. None at all is an error.
 sources() { git -c safe.directory="$root" ls-files --cached --others --exclude-standard -- "$@" | sort -u | grep .; }
 
-about[policy]="include layers, headers of the core, words (tools/policy.py, and its self-test)"
+about[policy]="include layers, headers of the core, words (tools/policy.py, and its self-test), excuses of mutants that are gone"
 step_policy() {
-  python3 tools/policy.py --self-test && python3 tools/policy.py
+  python3 tools/policy.py --self-test && python3 tools/policy.py && tools/mutants.py --check
 }
 
 about[format]="clang-format-19"

@@ -6,6 +6,7 @@
     tools/mutants.py --list [--count N] [--seed S]                     shows them, builds nothing
     tools/mutants.py --only FILE[:LINE]                                those of one file or line
     tools/mutants.py --explained                                       those that tests/mutant_exceptions.txt excuses
+    tools/mutants.py --check                                           whether each of them can still be made; builds nothing
 
 A mutant is one of: an operator swapped (< <= == && + & << ...), a constant one more or less, a statement removed, a
 condition negated, true for false (tools/mutant_sites.py). Initial values of private members, and 0 and false of the
@@ -138,8 +139,8 @@ def copy_tree():
         raise SystemExit("mutants: git archive failed")
 
 
-def files(*patterns):
-    return [str(p.relative_to(TREE)) for pattern in patterns for p in sorted(TREE.glob(pattern))]
+def files(*patterns, tree=TREE):
+    return [str(p.relative_to(tree)) for pattern in patterns for p in sorted(tree.glob(pattern))]
 
 
 class Program:
@@ -335,15 +336,29 @@ def is_initial(mutant, text):
     return depth < len(RECORDS) and any(r.start() < begin < r.end() for r in RECORDS[depth].finditer(text))
 
 
-def excuses():
+def possible(tree):
+    """(the text of each file, all mutants)."""
+    texts = {name: (tree / name).read_text() for folder in MUTATED for name in files(f"{folder}/**/*.[ch]pp", tree=tree) if not NOT_MUTATED.search(name)}
+    return texts, [mutant for name, text in texts.items() for mutant in mutants_of(name, text)]
+
+
+def excuses(tree):
     found = {}
-    for number, line in enumerate((TREE / EXCEPTIONS).read_text().splitlines(), 1):
+    for number, line in enumerate((tree / EXCEPTIONS).read_text().splitlines(), 1):
         if line.strip() and not line.startswith("#"):
             change, separator, why = line.rpartition("  # ")
             if not separator:
                 raise SystemExit(f"{EXCEPTIONS}:{number}: expected 'FILE: LINE => CHANGED LINE  # why'")
             found[change] = why
     return found
+
+
+def without_mutant(explained, texts, candidates):
+    """Says which excuses are of code that has gone."""
+    unknown = set(explained) - {describe(m, texts[m[0]])[1] for m in candidates}
+    for change in sorted(unknown):
+        print(f"{EXCEPTIONS}: no such mutant: {change}")
+    return unknown
 
 
 def main():
@@ -356,15 +371,18 @@ def main():
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--only", metavar="FILE[:LINE]")
     parser.add_argument("--explained", action="store_true")
+    parser.add_argument("--check", action="store_true")
     arguments = parser.parse_args()
+    if arguments.check:  # of the files as they are, not of the last commit
+        explained = excuses(ROOT)
+        unknown = without_mutant(explained, *possible(ROOT))
+        print(f"{len(explained)} mutants explained, {len(unknown)} of them of code that has gone")
+        return 1 if unknown else 0
     copy_tree()
-    texts = {name: (TREE / name).read_text() for folder in MUTATED for name in files(f"{folder}/**/*.[ch]pp") if not NOT_MUTATED.search(name)}
-    candidates = [mutant for name, text in texts.items() for mutant in mutants_of(name, text)]
+    texts, candidates = possible(TREE)
     total = len(candidates)
-    explained = excuses()
-    unknown = set(explained) - {describe(m, texts[m[0]])[1] for m in candidates}
-    for change in sorted(unknown):
-        print(f"{EXCEPTIONS}: no such mutant: {change}")
+    explained = excuses(TREE)
+    unknown = without_mutant(explained, texts, candidates)
     if arguments.only or arguments.explained:
         if arguments.only:
             name, _, line = arguments.only.partition(":")
@@ -380,7 +398,7 @@ def main():
     if arguments.list:
         for mutant in candidates[: arguments.count]:
             print(describe(mutant, texts[mutant[0]])[0])
-        return 0
+        return 1 if unknown else 0
 
     judge = Judge()
     started = time.monotonic()
