@@ -11,6 +11,8 @@ import subprocess
 import time
 
 LONGEST_LIFE_S = 240
+# In the foreground: otherwise it sends each signal twice, to the command and to its process group.
+BOUNDED = ["timeout", "--foreground", str(LONGEST_LIFE_S)]
 
 
 def allowed(*prefix):
@@ -47,7 +49,7 @@ class Encoder:
         self.account = os.path.join(folder, "encoder.log")
         with open(self.account, "w") as account:
             self.process = subprocess.Popen(
-                [*AT_ONCE, "timeout", str(LONGEST_LIFE_S), command, "sim", "--unix", self.path, *options],
+                [*AT_ONCE, *BOUNDED, command, "sim", "--unix", self.path, *options],
                 stdout=subprocess.PIPE,
                 stderr=account,
                 text=True,
@@ -78,7 +80,7 @@ class Machine:
         semihosting = "enable=on,target=native,chardev=said"
         for argument in (os.path.basename(program), *arguments):
             semihosting += f",arg={argument}"
-        line = [*(AT_ONCE if console else POLITE), "timeout", str(LONGEST_LIFE_S), "qemu-system-arm", "-M", board.machine, "-kernel", program]
+        line = [*(AT_ONCE if console else POLITE), *BOUNDED, "qemu-system-arm", "-M", board.machine, "-kernel", program]
         line += ["-display", "none", "-monitor", "none", "-chardev", "stdio,id=said,signal=off"]
         line += ["-semihosting-config", semihosting]
         if encoder:

@@ -1,4 +1,5 @@
-// Ctrl-C and SIGTERM ask for an orderly end; a second one ends the command at once.
+// Ctrl-C and SIGTERM ask for an orderly end; a second one ends the command at once. Within 0.2 s several are one request:
+// timeout(1) sends two.
 #pragma once
 
 #include <atomic>
