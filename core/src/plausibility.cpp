@@ -41,7 +41,6 @@ std::int64_t PlausibilityGate::round_up(std::int64_t product) noexcept {
   return (product + (std::int64_t{1} << kSpeedBits) - 1) >> kSpeedBits;
 }
 
-/// How far the shaft can turn in `dt`.
 std::int64_t PlausibilityGate::reach(Time dt) const noexcept {
   constexpr Time kFine = std::chrono::seconds(10);  // keeps the product in 63 bits
   constexpr Time kLongest = std::chrono::hours(24);
@@ -143,13 +142,19 @@ void PlausibilityGate::begin(Track& track, const PositionReading& reading) noexc
   return true;
 }
 
-/// Is it where the shaft can be, if the window itself is off by what undetected errors have made of the last two readings?
-[[gnu::noinline]] bool PlausibilityGate::near_track(const PositionReading& reading) const noexcept {
-  const Window window = predict(track_, reading);
-  const std::int64_t off = reading.raw - window.centre;
+[[gnu::noinline]] PlausibilityGate::Range PlausibilityGate::range_at(Time latch,
+                                                                     Time uncertainty) const noexcept {
+  const Window window = predict(track_, {track_.raw, latch, uncertainty});
+  // The window itself is off by what undetected errors have made of the last two readings.
   const std::int64_t doubt = window.by_speed ? 0 : (track_.speed_doubt * window.dt.count()) >> kSpeedBits;
   const std::int64_t most = window.half + track_.doubt + doubt;
-  return off <= most && -off <= most;
+  return {window.centre - most, window.centre + most};
+}
+
+/// Is it where the shaft can be?
+bool PlausibilityGate::near_track(const PositionReading& reading) const noexcept {
+  const Range range = range_at(reading.latch, reading.uncertainty);
+  return reading.raw >= range.lowest && reading.raw <= range.highest;
 }
 
 /// A reading without turns that the track goes on with says nothing against a candidate that is whole turns away.

@@ -33,7 +33,52 @@ std::int64_t PositionTracker::moved_far(std::uint64_t sent, unsigned above) cons
   return extended(sent, above) - extended(static_cast<std::uint64_t>(raw_), above);
 }
 
-void PositionTracker::note(const Reply& reply) noexcept { take_fields(reply.frame()); }
+Errc PositionTracker::note(const Reply& reply, Time latch, Time uncertainty) noexcept {
+  const Errc error = judge_turns(reply.frame(), latch, uncertainty);
+  if (error == Errc::ok) take_fields(reply.frame());
+  return error;
+}
+
+/// Turns without a position: is the shaft in that turn, by its last position, or where no position is read by the last turns? Some
+/// that agree on another one say that what is known is wrong, and not which of the two is right: start-up asks for both at once.
+[[gnu::noinline]] Errc PositionTracker::judge_turns(const Frame& frame, Time latch,
+                                                    Time uncertainty) noexcept {
+  const Profile& profile = profile_->profile();
+  const unsigned turn_bits = profile.multi_turn_bits;
+  if (frame.fields().abm_at == 0 || turn_bits == 0 || !has_raw_) return Errc::ok;
+  const unsigned bits = profile.single_turn_bits;
+  std::int64_t lowest = turns_;
+  std::int64_t highest = turns_;
+  if (has_position_) {
+    const PlausibilityGate::Range can_be = gate_.range_at(latch, uncertainty);
+    lowest = can_be.lowest >> bits;
+    highest = can_be.highest >> bits;
+  } else {
+    const Time since = latch - std::max(turns_latch_, position_latch_) + uncertainty + uncertainty_;
+    const std::int64_t most = (gate_.reach(since) >> bits) + 1;
+    lowest -= most;
+    highest += most;
+  }
+  const auto off_by = [&](std::int64_t turns) {
+    return Frame::sign_extend(frame.abm() - static_cast<std::uint32_t>(turns), turn_bits);
+  };
+  const std::int64_t width = highest - lowest;
+  const std::uint32_t all = (std::uint32_t{1} << turn_bits) - 1;
+  if (width >= all || (static_cast<std::uint32_t>(off_by(lowest)) & all) <= width) {
+    contrary_ = 0;
+    turns_latch_ = latch;
+    return Errc::ok;
+  }
+  const std::int32_t off = off_by(lowest + width / 2);
+  const std::int32_t apart = Frame::sign_extend(
+      static_cast<std::uint32_t>(off) - static_cast<std::uint32_t>(contrary_by_), turn_bits);
+  contrary_ = contrary_ != 0 && apart >= -1 && apart <= 1 ? static_cast<std::uint8_t>(contrary_ + 1) : 1;
+  contrary_by_ = off;
+  if (contrary_ < PlausibilityGate::kAgree) return Errc::position_implausible;
+  contrary_ = 0;
+  const std::int32_t start = profile.multi_turn_start;
+  return turns_ != start && frame.turns(turn_bits) == start ? Errc::encoder_restarted : Errc::position_lost;
+}
 
 Sample PositionTracker::hold(Time now, Time max_hold) noexcept {
   if (has_reply_ && now - latch_ > max_hold) has_reply_ = false;
@@ -89,6 +134,7 @@ Sample PositionTracker::forget() noexcept {
   has_raw_ = false;
   raw_ = 0;
   gate_.forget();
+  contrary_ = 0;
   has_reply_ = false;
   referenced_ = false;
   Sample sample;

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "support/mostly_turns.hpp"
+
 namespace tm485::cli::campaign {
 namespace {
 
@@ -20,6 +22,15 @@ TEST(WithoutTheGate, AWrongPositionIsFound) {
   ASSERT_TRUE(noise.failed.has_value());
   EXPECT_EQ(noise.violation.rule, Rule::position) << describe(noise.violation);
   EXPECT_LT(noise.totals.cycles, 200'000u);
+}
+
+TEST(WithoutTheGate, WrongTurnsAreFound) {
+  unsigned found = 0;
+  for (std::uint64_t k = 0; k < 20; ++k) {
+    const RunResult result = play(test::mostly_turns(k), {});
+    found += result.violation && result.violation->rule == Rule::turns ? 1U : 0U;
+  }
+  EXPECT_GT(found, 5U);
 }
 
 // And not for another reason.

@@ -15,4 +15,11 @@ GateVerdict PlausibilityGate::judge(const PositionReading& reading) noexcept {
 
 void PlausibilityGate::expect_every(Time) noexcept {}
 
+PlausibilityGate::Range PlausibilityGate::range_at(Time, Time) const noexcept {
+  constexpr std::int64_t kFar = std::int64_t{1} << 61;
+  return {-kFar, kFar};
+}
+
+std::int64_t PlausibilityGate::reach(Time) const noexcept { return std::int64_t{1} << 62; }
+
 }  // namespace tm485

@@ -10,6 +10,7 @@
 
 #include "broken_ports.hpp"
 #include "heap_count.hpp"
+#include "support/mostly_turns.hpp"
 
 namespace tm485::cli::campaign {
 namespace {
@@ -82,6 +83,15 @@ TEST(Campaign, TheTotalsDoNotDependOnTheJobs) {
   EXPECT_EQ(one.changed, three.changed);
   EXPECT_EQ(one.startups, three.startups);
   EXPECT_EQ(one.longest_recovery, three.longest_recovery);
+}
+
+// tests/campaign_no_gate plays the same without the check, and finds turns that are not the encoder's.
+TEST(Campaign, TurnsOfANoisyLineAreTheEncoders) {
+  for (std::uint64_t k = 0; k < 20; ++k) {
+    const RunResult result = run(test::mostly_turns(k));
+    EXPECT_FALSE(result.violation.has_value()) << k << ' ' << describe(*result.violation);
+    EXPECT_GT(result.totals.changed, 100U);
+  }
 }
 
 TEST(BrokenStack, WithoutACrcCheck) {

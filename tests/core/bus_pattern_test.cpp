@@ -86,14 +86,17 @@ TEST_F(BusPattern, APositionThatCannotBeUnwrappedInTimeIsRefused) {
 TEST_F(BusPattern, AReplyWithoutPositionLeavesThePositionAlone) {
   config.cycle =
       Pattern(us(50), {{DataId::single_turn, 3}, {DataId::multi_turn, 1}, {DataId::encoder_id, 1}});
+  encoder.abs = 0;
+  encoder.abm = 0;
   begin_running();
-  encoder.abm = 0xFFFF;
+  encoder.abm = 0xFFFF;  // it stands where the two turns meet
   Time latch{0};
   for (int i = 0; i < 50; ++i) {
     run_cycles(1);
     const Sample& sample = bus->latest();
     ASSERT_TRUE(sample.has_position());
-    ASSERT_EQ(sample.single_turn(), 1'000U);
+    ASSERT_EQ(sample.single_turn(), 0U);
+    ASSERT_EQ(sample.position(), -131'072);
     if (i % 5 < 3) {
       ASSERT_EQ(sample.quality(), Quality::fresh);
       latch = sample.latch_time();

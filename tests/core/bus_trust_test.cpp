@@ -80,6 +80,68 @@ TEST_F(BusTrust, AJumpToAnotherTurnIsADiscontinuityAndNoRestart) {
   EXPECT_EQ(bus->statistics().discontinuities, 1U);
 }
 
+// ID1 has turns and no position; a wrong one passes the CRC as a wrong position does.
+TEST_F(BusTrust, TurnsWithoutAPositionHaveToBeThoseOfThePosition) {
+  config.cycle = Pattern(test::us(50), {{DataId::single_turn, 3}, {DataId::multi_turn, 1}});
+  begin_at_turn(7);
+  encoder.abm = 71;
+  run_cycles(4);
+  encoder.abm = 7;
+  EXPECT_EQ(errors(Errc::position_implausible), 1U);
+  EXPECT_EQ(bus->statistics().failed, 1U);
+  EXPECT_EQ(bus->latest().turns(), 7);
+  run_cycles(40);
+  EXPECT_EQ(bus->statistics().failed, 1U);
+  EXPECT_EQ(bus->latest().position(), 6 * kTurn + 1'000);
+  EXPECT_EQ(bus->statistics().discontinuities, 0U);
+}
+
+TEST_F(BusTrust, TurnsAloneAreHeldBackToo) {
+  config.cycle = Cycle{DataId::multi_turn};
+  begin_at_turn(7);
+  encoder.abm = 71;
+  run_cycles(1);
+  EXPECT_EQ(bus->last_record().result, Errc::position_implausible);
+  EXPECT_EQ(bus->latest().quality(), Quality::held);
+  EXPECT_EQ(bus->latest().turns(), 7);
+  encoder.abm = 8;
+  run_cycles(1);
+  EXPECT_EQ(bus->latest().quality(), Quality::fresh);
+  EXPECT_EQ(bus->latest().turns(), 8);
+}
+
+TEST_F(BusTrust, TurnsWithoutAPositionThatAreBackAtTheirStartAreARestart) {
+  for (const Pattern& cycle : {Pattern(test::us(50), {{DataId::single_turn, 3}, {DataId::multi_turn, 1}}),
+                               Pattern(Cycle{DataId::multi_turn})}) {
+    config.cycle = cycle;
+    driver = test::Driver{};
+    begin_at_turn(7);
+    const std::uint32_t before = bus->statistics().failed;
+    encoder.abm = 1;
+    for (int k = 0; k < 50 && bus->state() == BusState::running; ++k) run_cycles(1);
+    EXPECT_EQ(bus->state(), BusState::startup);
+    EXPECT_EQ(bus->statistics().failed - before, PlausibilityGate::kAgree) << "bounded";
+    EXPECT_EQ(bus->statistics().restarts, 1U);
+    ASSERT_TRUE(run_until_running());
+    run_cycles(8);
+    EXPECT_EQ(bus->latest().turns(), 1);
+    EXPECT_FALSE(bus->latest().referenced());
+  }
+}
+
+// Where the cycle reads no turns with a position, a step of some turns is seen by ID1 alone.
+TEST_F(BusTrust, OtherTurnsThatStayAreReadAnew) {
+  config.cycle = Pattern(test::us(50), {{DataId::single_turn, 3}, {DataId::multi_turn, 1}});
+  begin_at_turn(7);
+  encoder.abm = 9;
+  for (int k = 0; k < 50 && bus->state() == BusState::running; ++k) run_cycles(1);
+  EXPECT_EQ(bus->state(), BusState::startup);
+  EXPECT_EQ(errors(Errc::position_lost), 1U);
+  ASSERT_TRUE(run_until_running());
+  run_cycles(8);
+  EXPECT_EQ(bus->latest().position(), 8 * kTurn + 1'000);
+}
+
 TEST_F(BusTrust, ReReferencingCarriesTheTurnsOn) {
   config.axis.after_restart = Continuity::re_reference;
   begin_at_turn(7);

@@ -185,7 +185,7 @@ TEST(PositionTracker, AGapLongerThanTheUnwrapLimitIsPositionLost) {
 
 TEST(PositionTracker, AnId1OrId2ReplyDoesNotExtendTheUnwrapLimit) {
   Track track;
-  ASSERT_TRUE(track.id3(5, 1));
+  ASSERT_TRUE(track.id3(5, 0));
   track.step = ms(3);
   const auto turns = track.feed(test::id1_reply(0xFFFF), DataId::multi_turn);
   ASSERT_TRUE(turns);

@@ -17,3 +17,4 @@ for block in errors status; do replace docs/errors.md "$block"; done
 for block in exchanges timing presets alarms; do replace docs/protocol.md "$block"; done
 replace docs/doctor.md findings
 for block in usb_chips uart_drivers; do replace docs/linux.md "$block"; done
+replace docs/fault-plans.md faults

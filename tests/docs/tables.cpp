@@ -266,13 +266,32 @@ void uart_drivers() {
   }
 }
 
+/// What a parameter is that is not given; empty: 0, which does nothing.
+std::string otherwise(const sim::FaultParameter& row) {
+  constexpr std::array<std::string_view, 3> kDirections{"requests", "replies", "both"};
+  constexpr std::array<std::string_view, 2> kPairs{"pair", "receive"};
+  const auto index = static_cast<std::size_t>(row.otherwise);
+  if (row.unit == sim::FaultUnit::direction) return std::string(kDirections.at(index));
+  if (row.unit == sim::FaultUnit::pair) return std::string(kPairs.at(index));
+  if (row.otherwise == 0.0) return {};
+  std::ostringstream value;
+  if (row.unit == sim::FaultUnit::time)
+    value << row.otherwise * 1e-6 << " ms";
+  else if (row.unit == sim::FaultUnit::ratio)
+    value << row.otherwise * 1e2 << " %";
+  else
+    value << row.otherwise;
+  return value.str();
+}
+
 /// A fault's parameters as they are typed, with what they are without being given.
 std::string parameters_of(const sim::FaultInfo& info) {
   std::string all;
   for (const sim::FaultParameter& row : info.parameters) {
     if (row.name.empty()) continue;
     if (!all.empty()) all += ", ";
-    all += code(row.name) + (row.required ? " (needed)" : "");
+    const std::string value = row.required ? "needed" : otherwise(row);
+    all += code(row.name) + (value.empty() ? "" : " (" + value + ")");
   }
   return all;
 }

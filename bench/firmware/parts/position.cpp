@@ -14,7 +14,10 @@ Errc part_position_update(PositionTracker& tracker, const Reply& reply, const Ti
                           const Time& uncertainty, Sample& to) {
   return tracker.update(reply, latch, uncertainty, to);
 }
-void part_position_note(PositionTracker& tracker, const Reply& reply) { tracker.note(reply); }
+Errc part_position_note(PositionTracker& tracker, const Reply& reply, const Time& latch,
+                        const Time& uncertainty) {
+  return tracker.note(reply, latch, uncertainty);
+}
 void part_position_hold(PositionTracker& tracker, const Time& now, const Time& max_hold, Sample& to) {
   to = tracker.hold(now, max_hold);
 }

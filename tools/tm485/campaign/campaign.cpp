@@ -168,6 +168,9 @@ std::string describe(const Violation& violation) {
     case Rule::position:
       return fmt::format("a fresh sample is {} counts from where the shaft was, allowed are {}",
                          violation.seen, violation.allowed);
+    case Rule::turns:
+      return fmt::format("turns without a position are {} off, allowed are {}", violation.seen,
+                         violation.allowed);
     case Rule::broken_frame:
       return "a frame that is broken by its length, CF or CRC became a fresh sample";
     case Rule::stale:

@@ -46,8 +46,9 @@ Judge::Judge(const RunSetup& setup, sim::SimulatedEncoder& encoder, const Compil
       carries_turns_(setup.axis && setup.after_restart == Continuity::re_reference),
       reads_turns_(reads_turns(setup.pattern)),
       mixed_(setup.pattern.size() > 1),
+      cycle_time_(setup.cycle_time()),
       position_time_(setup.position_time()),
-      loss_bound_(setup.cycle_time() * kCyclesUntilLoss + kLongestExchange),
+      loss_bound_(cycle_time_ * kCyclesUntilLoss + kLongestExchange),
       recovery_bound_(setup.time_of_positions(kCyclesUntilFresh) + kLongestExchange),
       step_bound_(setup.time_of_positions(rounds_of_turns(setup, 1)) + kLongestExchange),
       turns_bound_(setup.time_of_positions(rounds_of_turns(setup, 2)) + kLongestExchange),
@@ -137,6 +138,21 @@ void Judge::on_frozen(const Sample& sample, Time before) noexcept {
     could_stand_ = static_cast<double>(std::abs(moved)) <= 2.0 * stopping_ * dt * dt + kNoise + unknown;
   }
   if (sample.discontinuities() != steps_before_) could_stand_ = true;
+}
+
+/// Turns of a reply that has no position. Wrong bits, and somebody else's reply, may put the shaft in the turn beside its own,
+/// close to where the two meet; nothing may put it elsewhere.
+bool Judge::on_turns(const Sample& sample, Time now) noexcept {
+  const sim::FaultEffects& effects = *effects_;
+  if (effects.frozen) return true;
+  const auto off = static_cast<std::int16_t>(sample.turns() - encoder_->model().last_latch().abm);
+  const int allowed = effects.bits_changed || slow_ ? 1 : 0;
+  if (off <= allowed && -off <= allowed) return true;
+  // The position's own turns are others.
+  constexpr unsigned kTellTurns = 2;
+  const bool stepped = !reads_turns_ && sample.discontinuities() != steps_at_startup_;
+  if (stepped || turns_wrong_ || wrong_turns_in_a_row_ >= kTellTurns) return true;
+  return fail(Rule::turns, now, std::abs(int{off}), allowed);
 }
 
 /// The sample is not plainly the model's latch: how far is it from where the shaft was at its latch time?
@@ -240,6 +256,7 @@ bool Judge::on_eeprom(const EepromOutcome& outcome, Time now) noexcept {
 }
 
 bool Judge::at_end(const Statistics& statistics, Time now) noexcept {
+  totals_.longest_loss_cycles = totals_.longest_loss * 100 / cycle_time_;
   totals_.startups = statistics.startups;
   totals_.restarts = encoder_->model().statistics().power_ups - 1;
   totals_.smallest_t1_margin = encoder_->model().t1().smallest_margin();

@@ -105,6 +105,7 @@ class Judge {
     if (fresh != due) return fail(Rule::failed_and_fresh, now, fresh ? 1 : 0, good ? 1 : 0);
     if (encoder_->model().t1().violations() != 0)
       return fail(Rule::t1, now, encoder_->model().t1().smallest_margin().count(), 0);
+    if (good && record.id == DataId::multi_turn && !on_turns(sample, now)) return false;
     return !fresh || on_fresh(sample, record, now);
   }
   void on_other_record(const CycleRecord& record) noexcept;
@@ -178,6 +179,7 @@ class Judge {
   [[nodiscard]] bool find_origin(const Sample& sample, Time now) noexcept;
   void on_frozen(const Sample& sample, Time before) noexcept;
   [[nodiscard]] bool on_position(const Sample& sample, Time now) noexcept;
+  [[nodiscard]] bool on_turns(const Sample& sample, Time now) noexcept;
   [[nodiscard]] bool frame_is_broken() const noexcept;
   [[nodiscard]] bool may_be_somebody_elses(const Sample& sample) const noexcept;
   /// What the encoder calls 0, in counts of the shaft: a reset or a restart moves it.
@@ -239,6 +241,7 @@ class Judge {
   bool carries_turns_;
   bool reads_turns_;
   bool mixed_;  // the pattern reads several IDs
+  Time cycle_time_;
   Time position_time_;
   Time loss_bound_;
   Time recovery_bound_;

@@ -27,6 +27,7 @@ enum class Rule : std::uint8_t {
   broken_frame,      ///< no frame that is broken by its length, CF or CRC becomes a fresh sample
   stale,             ///< a fresh sample was latched in its own cycle
   failed_and_fresh,  ///< a failed cycle shows no fresh sample, a good one does
+  turns,             ///< turns that come without a position are the encoder's
   loss,              ///< loss is found within kCyclesUntilLoss
   recovery,          ///< fresh again within the bounds after the last effect of a fault
   t1,                ///< T1 holds by the model's count
@@ -40,10 +41,10 @@ enum class Rule : std::uint8_t {
   refused,  ///< the cycle can be started at all
 };
 [[nodiscard]] constexpr std::string_view name(Rule rule) noexcept {
-  constexpr std::array<std::string_view, 15> kNames{"position", "broken_frame", "stale",  "failed_and_fresh",
-                                                    "loss",     "recovery",     "t1",     "statistics",
-                                                    "eeprom",   "restart",      "reset",  "axis",
-                                                    "command",  "heap",         "refused"};
+  constexpr std::array<std::string_view, 16> kNames{
+      "position", "broken_frame", "stale",      "failed_and_fresh", "turns",   "loss",
+      "recovery", "t1",           "statistics", "eeprom",           "restart", "reset",
+      "axis",     "command",      "heap",       "refused"};
   return kNames[static_cast<std::size_t>(rule)];
 }
 
@@ -86,18 +87,19 @@ struct Totals {
   /// Fresh, whole turns off: read without turns (ID0), after a step of which no host can tell the direction, or after a
   /// sensor that stood still for half a turn.
   std::uint64_t lost_turns = 0;
-  std::uint64_t eeprom_reads = 0;     ///< background tasks
-  std::uint64_t eeprom_writes = 0;    ///< likewise
-  std::uint64_t eeprom_judged = 0;    ///< of both those of whose exchanges no bit was changed
-  std::uint64_t resets = 0;           ///< runs of resets
-  std::uint64_t resets_verified = 0;  ///< of them
-  std::uint64_t loop_reads = 0;       ///< by servo loops
-  std::uint64_t let_go = 0;           ///< times that one was told to
-  std::uint64_t resumed = 0;          ///< times that one took hold again
-  std::uint64_t commands = 0;         ///< of servo loops
-  std::uint64_t estimates = 0;        ///< that were held against the shaft
-  std::uint64_t phases = 0;           ///< samples that were held against a servo clock
-  Time longest_loss{0};               ///< the oldest sample that was called fresh
+  std::uint64_t eeprom_reads = 0;        ///< background tasks
+  std::uint64_t eeprom_writes = 0;       ///< likewise
+  std::uint64_t eeprom_judged = 0;       ///< of both those of whose exchanges no bit was changed
+  std::uint64_t resets = 0;              ///< runs of resets
+  std::uint64_t resets_verified = 0;     ///< of them
+  std::uint64_t loop_reads = 0;          ///< by servo loops
+  std::uint64_t let_go = 0;              ///< times that one was told to
+  std::uint64_t resumed = 0;             ///< times that one took hold again
+  std::uint64_t commands = 0;            ///< of servo loops
+  std::uint64_t estimates = 0;           ///< that were held against the shaft
+  std::uint64_t phases = 0;              ///< samples that were held against a servo clock
+  Time longest_loss{0};                  ///< the oldest sample that was called fresh
+  std::int64_t longest_loss_cycles = 0;  ///< the same in hundredths of its run's cycle
   /// How many samples were fresh again after so many cycles, rounded up; the last one: more. Positions instead of cycles
   /// where the pattern reads some.
   static constexpr std::size_t kRecoveryBins = 24;

@@ -35,6 +35,7 @@ void Totals::add(const Totals& other) noexcept {
                              &Totals::phases})
     this->*counter += other.*counter;
   longest_loss = std::max(longest_loss, other.longest_loss);
+  longest_loss_cycles = std::max(longest_loss_cycles, other.longest_loss_cycles);
   for (std::size_t kind = 0; kind < kRecoveries; ++kind) {
     for (std::size_t bin = 0; bin < kRecoveryBins; ++bin) recovered[kind][bin] += other.recovered[kind][bin];
     longest_recovery[kind] = std::max(longest_recovery[kind], other.longest_recovery[kind]);

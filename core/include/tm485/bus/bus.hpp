@@ -223,7 +223,7 @@ class Bus {
   [[nodiscard]] Errc silence_cause(Time now) noexcept;
   void finish(Time now) noexcept;
   [[nodiscard]] Errc finish_cyclic(Time now) noexcept;
-  void note(const Reply& reply, Time now) noexcept;
+  [[nodiscard]] Errc note(const Reply& reply, Time latch, Time now) noexcept;
   void cycle_good(const Reply& reply, AlarmLevel alarm, Time now) noexcept;
   void finish_startup(Time now) noexcept;
   void finish_background(Time now) noexcept;

@@ -28,10 +28,7 @@ Errc Bus<P>::finish_cyclic(Time now) noexcept {
     return Errc::timeout;
   // Failures as long as a restart, or nobody asked for so long: the encoder may have begun to count anew.
   if (was_silent(now)) return Errc::position_lost;
-  if (layout(id).abs_at == 0 && scheduler_->reads_position()) {
-    note(*reply, now);
-    return Errc::ok;
-  }
+  if (layout(id).abs_at == 0 && scheduler_->reads_position()) return note(*reply, latch, now);
   Sample& sample = latest_.draft();
   const Errc error = tracker_.update(*reply, latch, latch_uncertainty(now), sample);
   if (error != Errc::ok) [[unlikely]]
@@ -51,11 +48,12 @@ Errc Bus<P>::finish_cyclic(Time now) noexcept {
 /// A good reply without a position, in a pattern that reads positions in other slots: turns, ENID and status are
 /// news, the position is the last one.
 template <Port P>
-[[gnu::noinline]] void Bus<P>::note(const Reply& reply, Time now) noexcept {
-  tracker_.note(reply);
+[[gnu::noinline]] Errc Bus<P>::note(const Reply& reply, Time latch, Time now) noexcept {
+  if (const Errc error = tracker_.note(reply, latch, latch_uncertainty(now)); error != Errc::ok) return error;
   const Sample held = tracker_.hold(now, valid_for());
   publish(held);
   cycle_good(reply, held.alarm(), now);
+  return Errc::ok;
 }
 
 template <Port P>

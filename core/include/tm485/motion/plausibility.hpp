@@ -73,6 +73,15 @@ class PlausibilityGate {
     missed_ = 0;
   }
 
+  /// Where the shaft can be at `latch`, give or take `uncertainty`, even if the last readings were as wrong as they can be. There
+  /// must have been a reading.
+  struct Range {
+    std::int64_t lowest = 0, highest = 0;  ///< counts, as PositionReading::raw
+  };
+  [[nodiscard]] Range range_at(Time latch, Time uncertainty) const noexcept;
+  /// How far the shaft can turn in `dt`, in counts.
+  [[nodiscard]] std::int64_t reach(Time dt) const noexcept;
+
   /// By how much the last reading that was not held back can be wrong, in counts, an undetected error of this or of one of
   /// the two readings before it included; at most 2^32 - 1.
   [[nodiscard]] std::uint32_t half_width() const noexcept { return track_.half_width; }
@@ -116,7 +125,6 @@ class PlausibilityGate {
   [[nodiscard]] Window predict(const Track& track, const PositionReading& reading) const noexcept;
   [[nodiscard]] bool reachable(const Track& track, const PositionReading& reading,
                                const Window& window) const noexcept;
-  [[nodiscard]] std::int64_t reach(Time dt) const noexcept;
   [[nodiscard]] std::int64_t bend(std::int64_t dt, std::int64_t span) const noexcept;
   void begin(Track& track, const PositionReading& reading) noexcept;
   [[nodiscard]] bool go_on(Track& track, const PositionReading& reading, std::int64_t widest) noexcept;

@@ -6,8 +6,8 @@
 // Turns and ABS of a sample come from one ID3 frame. Replies without turns (ID0, or an encoder that
 // has none) are unwrapped by their distance from the last position; that is only possible while the
 // shaft cannot have turned by half a revolution, so a longer gap is position_lost, never a guess.
-// A position where the shaft cannot be is held back by the PlausibilityGate: two
-// flips in one bit column pass the CRC. Specification: sections 3 and 8.
+// A position where the shaft cannot be is held back by the PlausibilityGate, and so are turns that come without a position
+// (ID1): two flips in one bit column pass the CRC. Specification: sections 3 and 8.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +35,8 @@ class PositionTracker {
   /// Answers ok; position_lost (see above), after which only a reply with turns or `forget` helps; status_inconsistent: SF and
   /// ALMC contradict each other, in a way that neither the reply before nor this encoder otherwise shows;
   /// position_implausible: the shaft cannot be there, and not enough replies have agreed yet that it is; or
-  /// encoder_restarted: they agree, and the turn count is back at its start value. After an error the last sample stands.
+  /// encoder_restarted: they agree, and the turn count is back at its start value. Turns without a position (ID1) that agree on
+  /// another turn are not followed: position_lost. After an error the last sample stands.
   [[nodiscard]] Errc update(const Reply& reply, Time latch, Time uncertainty, Sample& sample) noexcept;
 
   /// The same as a value, with the profile's latch uncertainty.
@@ -50,8 +51,8 @@ class PositionTracker {
   [[nodiscard]] Errc seed(const Reply& reply, Time latch, Time uncertainty) noexcept;
 
   /// A reply without a position, between replies with one: turns, ENID and status are taken from it; the position, its
-  /// latch time and its age stay.
-  void note(const Reply& reply) noexcept;
+  /// latch time and its age stay. Errors as update()'s: its turns have to be those of the position.
+  [[nodiscard]] Errc note(const Reply& reply, Time latch, Time uncertainty) noexcept;
 
   /// The last sample again, marked held; invalid if it is older than `max_hold` at `now`, or if there is none.
   [[nodiscard]] Sample hold(Time now, Time max_hold) noexcept;
@@ -99,6 +100,7 @@ class PositionTracker {
   [[nodiscard]] bool turns_survived(const Frame& frame) const noexcept;
   [[nodiscard]] bool restarted(const Frame& frame, Turns turns) const noexcept;
   [[nodiscard]] bool doubtful(const Frame& frame) noexcept;
+  [[nodiscard]] Errc judge_turns(const Frame& frame, Time latch, Time uncertainty) noexcept;
   void compose(Quality quality, Sample& sample) noexcept;
   void take_fields(const Frame& frame) noexcept;
 
@@ -112,10 +114,12 @@ class PositionTracker {
   Time position_latch_{0};  ///< when raw_ was latched
   Time latch_{0};           ///< when the last reply was latched, with a position or without
   Time uncertainty_{0};     ///< of both
+  Time turns_latch_{0};     ///< when turns without a position were latched, if it was later
   std::uint32_t sequence_ = 0;
   std::uint32_t electrical_offset_;
   std::uint32_t far_;  ///< a quarter of what turns and ABS together can say, in 2^16 counts: see moved_far()
   std::int32_t turns_ = 0;
+  std::int32_t contrary_by_ = 0;  ///< turns by which the last ones that were held back are off
   std::uint32_t announced_hold_ns_ = 0;
   std::uint32_t discontinuities_ = 0;
   StatusSet status_;
@@ -123,6 +127,7 @@ class PositionTracker {
   StatusSet suspected_;   ///< has been held back, and nothing else was told since
   AlarmLevel alarm_ = AlarmLevel::none;
   std::uint8_t enid_ = 0;
+  std::uint8_t contrary_ = 0;  ///< so many in a row are off by that
   DataId id_ = DataId::everything;
   std::uint16_t pole_pairs_;
   bool reversed_;
@@ -274,6 +279,8 @@ inline Errc PositionTracker::seed(const Reply& reply, Time latch, Time uncertain
     raw_ = gate_.raw();
     has_raw_ = true;
     position_latch_ = latch;
+  } else if (const Errc error = judge_turns(frame, latch, uncertainty); error != Errc::ok) {
+    return error;
   }
   take_fields(frame);
   id_ = id;

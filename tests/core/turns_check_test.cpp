@@ -1,0 +1,142 @@
+// Turns that come without a position (ID1): wrong ones pass the CRC as wrong positions do, and are held back as these are.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+
+#include "support/frames.hpp"
+#include "support/print.hpp"
+#include "support/track.hpp"
+
+namespace tm485 {
+namespace {
+
+using test::ms;
+using test::Track;
+using test::us;
+
+constexpr std::uint32_t kMiddle = 1U << 16, kLast = (1U << 17) - 1;
+constexpr auto kEnough = static_cast<int>(PlausibilityGate::kAgree);
+
+class TurnsCheck : public ::testing::Test {
+ protected:
+  TurnsCheck() {
+    track.step = us(100);
+    track.apart = Time{0};
+  }
+  /// The shaft stands still in turn 7.
+  void stand(std::uint32_t abs = kMiddle) {
+    for (int k = 0; k < 8; ++k) ASSERT_TRUE(track.id3(abs, 7));
+  }
+  /// A reply to ID1 alone, where no position is read.
+  Errc alone(std::uint32_t abm) {
+    const auto sample = track.feed(test::id1_reply(abm), DataId::multi_turn);
+    if (sample) turns = sample->turns();
+    return sample ? Errc::ok : sample.error();
+  }
+  /// One between replies with positions.
+  Errc between(std::uint32_t abm) {
+    const auto reply = Reply::parse(test::id1_reply(abm), DataId::multi_turn, profile);
+    return track->note(*reply, track.now() + us(50), us(1));
+  }
+
+  Track track;
+  CompiledProfile profile = test::compiled(test::preset("tm485_17"));
+  std::int32_t turns = 0;
+};
+
+TEST_F(TurnsCheck, EachWrongBitIsHeldBackWhereThePositionIsKnown) {
+  stand();
+  for (unsigned bit = 0; bit < 16; ++bit) {
+    EXPECT_EQ(between(7U ^ (1U << bit)), Errc::position_implausible) << bit;
+    EXPECT_EQ(track->hold(track.now(), ms(1)).turns(), 7) << bit;
+    EXPECT_EQ(between(7), Errc::ok) << bit;
+  }
+}
+
+TEST_F(TurnsCheck, AtTheEndOfATurnTheNextOneIsPossibleAndTheOneAfterItIsNot) {
+  stand(kLast);
+  EXPECT_EQ(between(8), Errc::ok);
+  EXPECT_EQ(track->hold(track.now(), ms(1)).turns(), 8);
+  EXPECT_EQ(between(7), Errc::ok);
+  EXPECT_EQ(between(6), Errc::position_implausible);
+  EXPECT_EQ(between(9), Errc::position_implausible);
+}
+
+TEST_F(TurnsCheck, TheTurnCountWraps) {
+  for (int k = 0; k < 8; ++k) ASSERT_TRUE(track.id3(kLast, 0x7FFF));
+  EXPECT_EQ(between(0x8000), Errc::ok);
+  EXPECT_EQ(track->hold(track.now(), ms(1)).turns(), -32768);
+  EXPECT_EQ(between(0x8001), Errc::position_implausible);
+  EXPECT_EQ(between(0x7FFF), Errc::ok);
+}
+
+TEST_F(TurnsCheck, SomeThatAgreeOnAnotherTurnEndWhatIsKnown) {
+  stand();
+  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(between(300), Errc::position_implausible) << k;
+  EXPECT_EQ(between(300), Errc::position_lost);
+  // And not if they do not agree with each other, or a good one came between.
+  for (int k = 1; k < 4 * kEnough; ++k)
+    ASSERT_EQ(between(k % 2 == 0 ? 300U : 500U), Errc::position_implausible) << k;
+  ASSERT_EQ(between(7), Errc::ok);
+  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(between(300), Errc::position_implausible) << k;
+  EXPECT_EQ(between(7), Errc::ok);
+  EXPECT_EQ(between(300), Errc::position_implausible);
+}
+
+TEST_F(TurnsCheck, BackAtTheStartValueTheEncoderHasRestarted) {
+  stand();
+  const std::uint32_t start = 1;
+  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(between(start), Errc::position_implausible) << k;
+  EXPECT_EQ(between(start), Errc::encoder_restarted);
+}
+
+TEST_F(TurnsCheck, BehindForgetNothingIsLeftOfThoseThatAgreed) {
+  stand();
+  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(between(300), Errc::position_implausible) << k;
+  (void)track->forget();
+  stand();
+  EXPECT_EQ(between(300), Errc::position_implausible);
+}
+
+TEST_F(TurnsCheck, WithoutAnyPositionATurnMoreOrLessIsPossible) {
+  stand();
+  ASSERT_EQ(alone(7), Errc::ok);
+  EXPECT_EQ(alone(8), Errc::ok);
+  EXPECT_EQ(alone(7), Errc::ok);
+  for (unsigned bit = 1; bit < 16; ++bit) {
+    EXPECT_EQ(alone(7U ^ (1U << bit)), Errc::position_implausible) << bit;
+    ASSERT_EQ(alone(7), Errc::ok);
+  }
+  EXPECT_EQ(turns, 7);
+  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(alone(300), Errc::position_implausible) << k;
+  EXPECT_EQ(alone(300), Errc::position_lost);
+}
+
+TEST_F(TurnsCheck, AsMuchMoreAsTheShaftCanHaveTurnedMeanwhile) {
+  stand();
+  ASSERT_EQ(alone(7), Errc::ok);
+  // ID2 says nothing of turns: the time since the last ones counts.
+  track.step = ms(50);
+  for (int k = 0; k < 20; ++k) ASSERT_TRUE(track.feed(test::id2_reply(0x11), DataId::encoder_id));
+  EXPECT_EQ(alone(7 + 100), Errc::ok) << "6000 rpm for a second";
+  track.step = ms(100);
+  EXPECT_EQ(alone(107 + 13), Errc::position_implausible);
+  EXPECT_EQ(alone(107 + 13), Errc::ok) << "in twice that time it can";
+}
+
+TEST_F(TurnsCheck, BehindStartUpAnEnidMayComeFirst) {
+  track.step = ms(500);
+  stand();
+  track.step = us(100);
+  ASSERT_TRUE(track.feed(test::id2_reply(0x11), DataId::encoder_id));
+  EXPECT_EQ(alone(7 + 5), Errc::position_implausible);
+  EXPECT_EQ(alone(7), Errc::ok);
+}
+
+TEST_F(TurnsCheck, NothingIsJudgedBeforeThereIsAPosition) {
+  EXPECT_EQ(alone(300), Errc::ok);
+  EXPECT_EQ(turns, 300);
+}
+
+}  // namespace
+}  // namespace tm485
