@@ -54,6 +54,12 @@ TEST_F(CampaignCommand, TakesAPlanAsTextOrFile) {
     ASSERT_EQ(finished.exit_code, 0) << finished.err << finished.out;
     EXPECT_EQ(Json::parse(finished.out).at("touched"), 11);
   }
+  std::ofstream(file) << "\xEF\xBB\xBF" << "lose replies=1 cycles=400..410\r\n";
+  EXPECT_EQ(run({"campaign", "--cycles", "20000", "--plan", file.string()}).exit_code, 0)
+      << "as some editors write";
+  const Finished neither = run({"campaign", "--plan", "loose"});
+  EXPECT_EQ(neither.exit_code, 2);
+  EXPECT_NE(neither.err.find("'loose' is no fault"), std::string::npos) << neither.err;
   std::ofstream(file) << "lose replies=1\nloose replies=1\n";
   const Finished refused = run({"campaign", "--plan", file.string()});
   EXPECT_EQ(refused.exit_code, 2);
@@ -70,6 +76,10 @@ TEST_F(CampaignCommand, WhatCannotBeIsExitCode2) {
                                           {"--seed", "-1"},
                                           {"--plan", ""},
                                           {"--plan", "no such file"},
+                                          {"--seed", ""},
+                                          {"--seed", "1e3"},
+                                          {"--vcd", ""},
+                                          {"--replay", ""},
                                           {"--replay", "1"},
                                           {"--replay", "1:2:3"},
                                           {"--vcd", "x.vcd"}}) {
@@ -93,6 +103,59 @@ TEST_F(CampaignCommand, PlaysARunAgainWithATraceAndAWaveform) {
   const std::string vcd{std::istreambuf_iterator<char>(file), {}};
   EXPECT_TRUE(vcd.starts_with("$comment tm485"));
   EXPECT_EQ(run(arguments).exit_code, 2) << "the file is there already";
+}
+
+TEST_F(CampaignCommand, AReplayHasTheSeedOfItsRun) {
+  const Finished finished = run({"campaign", "--replay", "3:5", "--seed", "4"});
+  EXPECT_EQ(finished.exit_code, 2);
+  EXPECT_NE(finished.err.find("--replay"), std::string::npos) << finished.err;
+}
+
+// Such a run takes hours; what it cannot write it says before.
+TEST_F(CampaignCommand, AWaveformThatCannotBeWrittenIsRefusedBeforeTheRun) {
+  const fs::path there = folder_ / "there.vcd";
+  std::ofstream(there) << "mine";
+  const fs::path dangling = folder_ / "dangling.vcd";
+  fs::create_symlink(folder_ / "nowhere", dangling);
+  for (const fs::path& wave : {there, dangling, folder_, folder_ / "none" / "x.vcd"}) {
+    Process process({"campaign", "--replay", "3:5", "--cycles", "1e12", "--vcd", wave.string()});
+    const Finished finished = process.wait(std::chrono::seconds(20));
+    EXPECT_FALSE(finished.timed_out) << wave;
+    EXPECT_EQ(finished.exit_code, 2) << wave;
+    EXPECT_NE(finished.err.find(wave.string()), std::string::npos) << finished.err;
+  }
+  std::ifstream file(there);
+  EXPECT_EQ((std::string{std::istreambuf_iterator<char>(file), {}}), "mine");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator{}), 2) << "nothing is left";
+}
+
+// An echo that nobody has told the bus of: no start-up succeeds, and no rule can be broken.
+TEST_F(CampaignCommand, ACampaignThatJudgesNothingIsNoSuccess) {
+  for (const Process::Arguments& more : {Process::Arguments{}, {"--json"}, {"--replay", "1:0"}}) {
+    Process::Arguments arguments{"campaign", "--cycles", "20000", "--jobs", "1", "--plan", "echo"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Finished finished = run(arguments);
+    EXPECT_EQ(finished.exit_code, 1) << finished.out;
+    EXPECT_NE(finished.err.find("nothing_judged"), std::string::npos) << finished.err;
+    EXPECT_EQ(finished.out.find("no rule is broken"), std::string::npos) << finished.out;
+    if (!more.empty() && more[0] == "--json") {
+      EXPECT_EQ(Json::parse(finished.out).at("cycles"), 0);
+    }
+  }
+}
+
+TEST_F(CampaignCommand, CtrlCEndsAReplayInOrderToo) {
+  const fs::path wave = folder_ / "run.vcd";
+  Process process({"campaign", "--replay", "1:3", "--cycles", "1e12", "--json", "--vcd", wave.string()});
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  process.send_signal(SIGINT);
+  const Finished finished = process.wait();
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  ASSERT_FALSE(finished.out.empty());
+  const Json json = Json::parse(finished.out);
+  EXPECT_TRUE(json.at("stopped"));
+  EXPECT_GT(json.at("cycles").get<std::uint64_t>(), 0U);
+  EXPECT_GT(fs::file_size(wave), 0U);
 }
 
 TEST_F(CampaignCommand, CtrlCEndsItInOrder) {

@@ -92,6 +92,7 @@ JsonObject json_of(const Totals& totals) {
       .set("estimates", totals.estimates)
       .set("phases", totals.phases)
       .set("longest_fresh_age_ns", totals.longest_loss.count())
+      .set("longest_fresh_age_cycles", static_cast<double>(totals.longest_loss_cycles) * 0.01)
       .set("longest_recovery_cycles", cycles_of(totals, Recovery::plain))
       .set("longest_step_cycles", cycles_of(totals, Recovery::step))
       .set("longest_startup_cycles", cycles_of(totals, Recovery::startup))
@@ -150,7 +151,9 @@ void show(Output& output, const Totals& totals, const Duration& took) {
       fmt::format("{}, {}, {}", totals.loop_reads, totals.let_go, totals.resumed));
   row("  estimates, samples in phase with a servo clock",
       fmt::format("{}, {}", totals.estimates, totals.phases));
-  row("oldest sample that was called fresh", fmt::format("{:.1f} us", in_us(totals.longest_loss)));
+  row("oldest sample that was called fresh",
+      fmt::format("{:.2f} cycles, {:.1f} us", static_cast<double>(totals.longest_loss_cycles) * 0.01,
+                  in_us(totals.longest_loss)));
   row("longest until fresh again, without a start-up",
       fmt::format("{:.2f} cycles", cycles_of(totals, Recovery::plain)));
   row("  the same if the last fresh sample was wrong",
@@ -199,9 +202,27 @@ class Progress {
   bool drawn_ = false;
 };
 
+/// No rule can be broken where no cycle is.
+Problem nothing_judged() {
+  return {
+      "nothing_judged", "no start-up has succeeded, so there was no cycle to judge",
+      "give the encoder a chance to answer: tm485 monitor 'sim:plan=...' shows what becomes of its replies",
+      kExitFailure};
+}
+
+std::string_view verdict_of(bool stopped, const Totals& totals) {
+  if (totals.cycles == 0) return "nothing was judged";
+  return stopped ? "stopped; until then no rule was broken" : "no rule is broken";
+}
+
 int replay(const CampaignCommandOptions& options, const RunSetup& setup) {
-  RunResult first = play(setup, {.stop = &stop_flag()});
-  if (first.stopped) return kExitFailure;
+  if (!options.vcd.empty()) {  // its name is taken before a run that may be long
+    if (auto taken = create_file(options.vcd, ""); !taken) {
+      taken.error().exit_code = kExitUsage;
+      return report(taken.error());
+    }
+  }
+  const RunResult first = play(setup, {.stop = &stop_flag()});
   const std::uint64_t around = first.violation ? first.violation->cycle : 0;
   Recorder recorder(around > kCyclesShown ? around - kCyclesShown : 0);
   const RunSetup shown = [&] {
@@ -209,19 +230,17 @@ int replay(const CampaignCommandOptions& options, const RunSetup& setup) {
     if (!first.violation) part.cycles = std::min(part.cycles, 2 * kCyclesShown);
     return part;
   }();
-  (void)play(shown, {.stop = &stop_flag(), .recorder = &recorder});
-  if (!options.vcd.empty()) {
-    if (const auto written = create_file(options.vcd, recorder.vcd()); !written)
-      return report(written.error());
-  }
+  (void)play(shown, {.stop = first.violation ? &stop_flag() : nullptr, .recorder = &recorder});
+  std::expected<void, Problem> drawn;
+  if (!options.vcd.empty()) drawn = replace_file(options.vcd, recorder.vcd(), Links::refuse);
   Output output;
   if (options.json) {
-    JsonObject json;
+    JsonObject json = json_of(first.totals);
     json.set("seed", setup.seed)
         .set("run", setup.run)
         .set("setup", setup.text())
-        .set("plan", setup.plan.to_text());
-    json.set("totals", json_of(first.totals));
+        .set("plan", setup.plan.to_text())
+        .set("stopped", first.stopped);
     if (first.violation) json.set("failure", json_of(setup, *first.violation));
     output.write(json.text() + "\n");
   } else {
@@ -231,18 +250,33 @@ int replay(const CampaignCommandOptions& options, const RunSetup& setup) {
     output.write(first.violation ? fmt::format("\n{}: cycle {}, {}: {}\n", name(first.violation->rule),
                                                first.violation->cycle, format_time(first.violation->time),
                                                campaign::describe(*first.violation))
-                                 : fmt::format("\nno rule is broken in {} cycles\n", first.totals.cycles));
-    if (!options.vcd.empty()) output.write(fmt::format("waveform: {}\n", options.vcd));
+                                 : fmt::format("\n{} in {} cycles\n", verdict_of(first.stopped, first.totals),
+                                               first.totals.cycles));
+    if (!options.vcd.empty() && drawn) output.write(fmt::format("waveform: {}\n", options.vcd));
   }
-  return finish(output, first.violation ? kExitFailure : kExitGood);
+  const int exit_code = finish(output, first.violation ? kExitFailure : kExitGood);
+  if (!drawn) return report(drawn.error());
+  if (!first.violation && !first.stopped && first.totals.cycles == 0) return report(nothing_judged());
+  return exit_code;
 }
 
-int failed(const CampaignCommandOptions& options, Output& output, const CampaignResult& result) {
+/// How it was played, beside what it has seen.
+void add_account(JsonObject& json, const CampaignCommandOptions& options, unsigned jobs, const Duration& took,
+                 bool stopped) {
+  json.set("seed", options.seed)
+      .set("jobs", jobs)
+      .set("seconds", took.clock)
+      .set("processor_seconds", took.processor)
+      .set("stopped", stopped);
+}
+
+int failed(const CampaignCommandOptions& options, Output& output, const CampaignResult& result, unsigned jobs,
+           const Duration& took) {
   const Shrunk least = shrink(*result.failed, result.violation, play, &stop_flag());
   if (options.json) {
-    JsonObject json;
-    json.set("totals", json_of(result.totals))
-        .set("failure", json_of(*result.failed, result.violation))
+    JsonObject json = json_of(result.totals);
+    add_account(json, options, jobs, took, result.stopped);
+    json.set("failure", json_of(*result.failed, result.violation))
         .set("minimal", json_of(least.setup, least.violation))
         .set("replay", result.failed->replay_command())
         .set("replay_minimal", least.setup.replay_command());
@@ -299,22 +333,18 @@ int run_campaign_command(const CampaignCommandOptions& options) {
     took = {.clock = progress.seconds(), .processor = processor_seconds() - processor_before};
   }
   Output output;
-  if (result.failed) return failed(options, output, result);
+  if (result.failed) return failed(options, output, result, settings.jobs, took);
   if (options.json) {
     JsonObject json = json_of(result.totals);
-    json.set("seed", options.seed)
-        .set("jobs", settings.jobs)
-        .set("seconds", took.clock)
-        .set("processor_seconds", took.processor)
-        .set("stopped", result.stopped);
+    add_account(json, options, settings.jobs, took, result.stopped);
     output.write(json.text() + "\n");
   } else {
-    output.write(fmt::format("{}, seed {}, {} job{}\n",
-                             result.stopped ? "stopped; until then no rule was broken" : "no rule is broken",
+    output.write(fmt::format("{}, seed {}, {} job{}\n", verdict_of(result.stopped, result.totals),
                              options.seed, settings.jobs, settings.jobs == 1 ? "" : "s"));
     show(output, result.totals, took);
   }
-  return finish(output, kExitGood);
+  const int exit_code = finish(output, kExitGood);
+  return result.totals.cycles == 0 && !result.stopped ? report(nothing_judged()) : exit_code;
 }
 
 }  // namespace tm485::cli

@@ -1,5 +1,7 @@
 // The tm485 command: what can be typed, and what it says about itself.
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
@@ -9,6 +11,7 @@
 #include "stop_signal.hpp"
 #include "tm485/version.hpp"
 #include "usage_campaign.hpp"
+#include "usage_checks.hpp"
 #include "usage_eeprom.hpp"
 #include "usage_list.hpp"
 #include "usage_loop.hpp"
@@ -184,23 +187,26 @@ void add_sim(CLI::App& root, Commands& commands) {
   CLI::App& app = *root.add_subcommand("sim", "Serve a simulated encoder in real time");
   SimCommandOptions& options = commands.sim;
   CLI::Option* pty = app.add_flag("--pty", options.pty, "Behind a pseudo-terminal (the default)");
-  CLI::Option* unix_path =
-      app.add_option("--unix", options.unix_path, "Behind a unix socket at this path")->excludes(pty);
+  CLI::Option* unix_path = app.add_option("--unix", options.unix_path, "Behind a unix socket at this path")
+                               ->check(not_empty)
+                               ->excludes(pty);
   app.add_option("--link", options.link, "A symbolic link to make to the pseudo-terminal")
+      ->check(not_empty)
       ->excludes(unix_path);
   app.add_option("--profile", options.profile, "NAME of the kind of encoder")->capture_default_str();
   app.add_option("--rpm", options.rpm, "Speed of the shaft: 3000, 3000rpm, 50rev/s");
-  app.add_option("--seed", options.seed, "Seed of everything random")->check(CLI::NonNegativeNumber);
+  app.add_option("--seed", options.seed, "Seed of everything random")->check(seed_number);
   app.add_option("--almc", options.almc, "Alarm byte in hexadecimal; SF follows from it");
   app.add_flag("--echo", options.echo, "Send the requests back, as an adapter that hears itself");
   app.add_option("--ber", options.ber,
                  "Probability of a wrong bit, or two: of requests and of replies, 0:1e-4");
   app.add_option("--lost", options.lost, "Probability 0..1 of a reply that does not come");
-  app.add_option("--plan", options.plan, "A fault plan, as text or FILE: 'lose replies=1 from=5s for=20ms'");
+  app.add_option("--plan", options.plan, "A fault plan, as text or FILE: 'lose replies=1 from=5s for=20ms'")
+      ->check(not_empty);
   app.add_option("--boot", options.boot, "Silent for this long after the start: 300ms");
-  app.add_option(
-      "--eeprom", options.eeprom,
-      "FILE that keeps the EEPROM, also when the simulator is killed; a new one is filled with FF");
+  app.add_option("--eeprom", options.eeprom,
+                 "FILE that keeps the EEPROM, also when the simulator is killed; a new one is filled with FF")
+      ->check(not_empty);
   app.add_option("--eeprom-pages", options.eeprom_pages, "Pages of 127 bytes, 1 to 7 (7)");
   app.add_option("--eeprom-write", options.eeprom_write,
                  "Busy after a write: 10ms, or a range 5ms..12ms (10ms)");
@@ -210,7 +216,7 @@ void add_sim(CLI::App& root, Commands& commands) {
                  "Probability 0..1 of a write that leaves the old value");
   app.add_option("--eeprom-seed", options.eeprom_seed,
                  "Seed of busy times and failed writes; otherwise from --seed")
-      ->check(CLI::NonNegativeNumber);
+      ->check(seed_number);
   app.add_flag("--eeprom-deaf", options.eeprom_deaf,
                "No reply to position requests while the EEPROM is busy");
   app.footer(
@@ -323,6 +329,10 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
+    const auto is_typed = [&](const CLI::App* command) { return command->check_name(argv[1]); };
+    if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_typed).empty())
+      return report(usage_problem("no_command", fmt::format("there is no command '{}'", argv[1]),
+                                  "tm485 --help lists them"));
     return app.exit(error) == 0 ? kExitGood : kExitUsage;
   }
   try {

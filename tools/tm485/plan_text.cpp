@@ -26,8 +26,15 @@ std::expected<sim::FaultPlan, Problem> plan_from(const std::string& text_or_file
   std::string text = text_or_file;
   if (!is_text) {
     auto content = read_whole_file(text_or_file, sim::FaultPlan::kMostBytes);
+    if (!content && text_or_file.find('/') == std::string::npos) {
+      content.error().cause =
+          fmt::format("'{}' is no fault, and as a file: {}", text_or_file, content.error().cause);
+      content.error().remedy = "docs/fault-plans.md lists the faults; of a file, check name and permissions";
+    }
     if (!content) return std::unexpected(std::move(content.error()));
     text = std::move(*content);
+    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // some editors begin a file with it
+    if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
   }
   auto plan = sim::FaultPlan::parse(text);
   if (plan) return std::move(*plan);

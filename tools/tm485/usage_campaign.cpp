@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <string>
 
+#include "usage_checks.hpp"
+
 namespace tm485::cli {
 
 namespace {
@@ -35,20 +37,20 @@ void add_campaign(CLI::App& root, CampaignCommandOptions& options) {
   app.add_option("--cycles", options.cycles, "How many in all (1000000); with --replay: of the one run")
       ->transform(plain_number())
       ->check(CLI::Range(std::uint64_t{1}, kMostCycles));
-  app.add_option("--seed", options.seed, "The same seed does the same again")
-      ->check([](const std::string& text) {
-        const bool number = text.find_first_not_of("0123456789") == std::string::npos && text.size() < 20;
-        return number ? "" : "a seed is a whole number of at most 19 digits";
-      })
-      ->capture_default_str();
+  CLI::Option* seed = app.add_option("--seed", options.seed, "The same seed does the same again")
+                          ->check(seed_number)
+                          ->capture_default_str();
   app.add_option("--plan", options.plan, "A fault plan, as text or FILE, instead of random ones")
       ->check([](const std::string& text) {
         return text.empty() ? "it is empty; '#' is a plan without a fault" : "";
       });
   app.add_option("--jobs", options.jobs, "Threads; default: one for each processor")
       ->check(CLI::Range(1, 256));
-  app.add_option("--replay", options.replay, "SEED:RUN of a failure: this run again, with a trace");
-  app.add_option("--vcd", options.vcd, "With --replay: a new FILE for the waveform around the failing cycle");
+  app.add_option("--replay", options.replay, "SEED:RUN of a failure: this run again, with a trace")
+      ->check(not_empty)
+      ->excludes(seed);
+  app.add_option("--vcd", options.vcd, "With --replay: a new FILE for the waveform around the failing cycle")
+      ->check(not_empty);
   app.add_flag("--json", options.json, "One JSON object");
   app.footer(
       "Each run has an encoder, a cycle, a movement and a fault plan of its own, drawn from the seed. Judged "
@@ -57,7 +59,8 @@ void add_campaign(CLI::App& root, CampaignCommandOptions& options) {
       "positions, T1, staleness, detection of loss, recovery, statistics. A failure prints the rule, seed, "
       "run and "
       "cycle, and\n"
-      "a plan that is as small as possible. Exit code 1 if a rule was broken. docs/fault-plans.md has the "
+      "a plan that is as small as possible. Exit code 1 if a rule was broken, or if no cycle could be "
+      "judged. docs/fault-plans.md has the "
       "faults.\n"
       "Examples:\n"
       "  tm485 campaign --cycles 1e8\n"
