@@ -167,6 +167,23 @@ TEST(PtyServer, ReplacesAnOldLinkToATerminal) {
   EXPECT_NE(fs::read_symlink(link), "/dev/pts/99999");
 }
 
+TEST(PtyServer, DoesNotTakeTheLinkOfAnother) {
+  const TemporaryDirectory directory;
+  const std::string link = directory.file("encoder");
+  Running first{pty_server("", link)};
+  const fs::path terminal = fs::read_symlink(link);
+  {
+    const auto second = Server::open_pty({}, link);
+    ASSERT_FALSE(second.has_value());
+    EXPECT_NE(second.error().what.find(link), std::string::npos);
+    EXPECT_FALSE(second.error().remedy.empty());
+  }
+  EXPECT_EQ(fs::read_symlink(link), terminal);
+  const Client client{Client::terminal(link)};
+  client.send({0x92});
+  EXPECT_EQ(client.receive(4), kId2Reply);
+}
+
 TEST(PtyServer, DoesNotReplaceAFile) {
   const TemporaryDirectory directory;
   const std::string link = directory.file("encoder");

@@ -83,6 +83,12 @@ std::expected<void, ServerError> Endpoint::link_to_terminal(const std::string& l
       return refused(what, "something exists there that is no link to a pseudo-terminal",
                      "choose another path or remove it");
     }
+    // A server that was killed leaves its link behind, but not its terminal; ours may have got the same number.
+    const std::string old = target_of(link_path);
+    if (old != terminal_ && ::access(old.c_str(), F_OK) == 0) {
+      return refused(what, "it leads to " + old + ", which somebody uses",
+                     "stop that process, choose another path, or remove the link");
+    }
     if (::unlink(link_path.c_str()) != 0) return failed(what, "remove the old link");
   }
   if (::symlink(terminal_.c_str(), link_path.c_str()) != 0) {
