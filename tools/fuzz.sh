@@ -19,7 +19,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
-all=(frame reply request exchange bus c sim_options image journal profile quantities arguments)
+all=(frame reply request exchange bus c sim_options plan image journal profile quantities arguments)
 seconds=60 runs=0 seed=0 preset=asan profile=1 most=0 targets=()
 number() { [[ ${1:-} =~ ^[1-9][0-9]*$ ]] || { printf 'fuzz: expected a number, got "%s"\n' "${1:-}" >&2 && exit 2; }; }
 known() { [[ " ${all[*]} " == *" ${1:-} "* ]] || { printf 'fuzz: no target "%s"; there are: %s\n' "${1:-}" "${all[*]}" >&2 && exit 2; }; }
@@ -58,7 +58,7 @@ one() {
   local target=$1 status=0
   shift
   local log=$logs/$target.log found=build/fuzz/corpus/$target longest=1024
-  [[ $target != image && $target != journal && $target != profile ]] || longest=8192
+  [[ $target != image && $target != journal && $target != profile && $target != plan ]] || longest=8192
   ((most == 0)) || longest=$most
   if ((seed != 0)); then
     found=build/fuzz/seed-$seed/$target && rm -rf "$found"

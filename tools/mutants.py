@@ -155,7 +155,7 @@ class Program:
 def programs():
     found = [Program(re.sub(r"^tests/|(_test)?\.cpp$", "", source), [source])
              for source in files("tests/core/*_test.cpp", "tests/integration/*_test.cpp", "tests/sync/*.cpp")]
-    stack = [f for f in files("tests/fuzz/targets/*.cpp") if Path(f).stem in "frame reply request exchange bus c sim_options".split()]
+    stack = [f for f in files("tests/fuzz/targets/*.cpp") if Path(f).stem in "frame reply request exchange bus c sim_options plan".split()]
     return found + [
         Program("c", files("tests/c/*.cpp", "tests/c/*.c"), files(*LIBRARY_C)),
         Program("design", files("tests/design/*.cpp"), files(*LIBRARY_DESIGN)),

@@ -19,6 +19,7 @@ int fuzz_c(std::span<const std::uint8_t> bytes);
 
 // Files and texts that people give to the tools.
 int fuzz_sim_options(std::span<const std::uint8_t> bytes);
+int fuzz_plan(std::span<const std::uint8_t> bytes);
 int fuzz_image(std::span<const std::uint8_t> bytes);
 int fuzz_journal(std::span<const std::uint8_t> bytes);
 int fuzz_profile(std::span<const std::uint8_t> bytes);

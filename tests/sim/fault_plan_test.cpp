@@ -137,6 +137,20 @@ TEST(FaultPlan, EveryKindReadsBackWhatItWrites) {
   }
 }
 
+// Found by a fuzzer: -1.11155 % is no number of ppm that becomes the same when it is read.
+TEST(FaultPlan, EveryRatioThatCanBeWrittenReadsBackTheSame) {
+  Random random{12};
+  for (int k = -1; k < 100'000; ++k) {
+    const std::int64_t digits = random.below(10'000'000);
+    const char* const unit = random.below(2) == 0 ? "%" : "ppm";
+    const std::string number =
+        (random.below(2) == 0 ? "-" : "") + std::to_string(digits % 20) + "." + std::to_string(digits / 20);
+    const FaultPlan plan = plan_of(k < 0 ? "baud drift=-1.11155%/s"
+                                         : "baud drift=" + number + unit + "/s offset=" + number + unit);
+    ASSERT_EQ(plan_of(plan.to_text()), plan) << number << unit << ' ' << plan.to_text();
+  }
+}
+
 // A lost character more or less must not crash it; what is taken must read back.
 TEST(FaultPlan, AnyTextIsRefusedOrReadsBack) {
   Random random{11};

@@ -96,15 +96,25 @@ std::string time_text(Time time) {
   return std::to_string(time.count()) + "ns";
 }
 
-/// Millionths, or percents, that read back as the same number; a digit more where multiplying would have changed it.
+/// Millionths, or percents, that read back as the same number. What was read as one of them need not be a number of the other:
+/// multiplying rounds, and the quotient is beside what was written.
 std::string ratio_text(double value) {
-  const double near = value / kPpm;
-  if (const double whole = std::round(near); whole * kPpm == value) return shortest(whole) + "ppm";
-  if (const double whole = std::round(value / kPercent); whole * kPercent == value)
-    return shortest(whole) + "%";
-  for (const double tried : {near, std::nextafter(near, -HUGE_VAL), std::nextafter(near, HUGE_VAL)})
-    if (tried * kPpm == value) return shortest(tried) + "ppm";
-  return shortest(near) + "ppm";
+  struct Unit {
+    double size;
+    std::string_view suffix;
+  };
+  constexpr std::array<Unit, 2> kUnits{{{kPpm, "ppm"}, {kPercent, "%"}}};
+  for (const Unit& unit : kUnits)
+    if (const double whole = std::round(value / unit.size); whole * unit.size == value)
+      return shortest(whole) + std::string(unit.suffix);
+  constexpr int kBeside = 2;
+  for (const Unit& unit : kUnits) {
+    double tried = value / unit.size;
+    for (int k = 0; k < kBeside; ++k) tried = std::nextafter(tried, -HUGE_VAL);
+    for (int k = -kBeside; k <= kBeside; ++k, tried = std::nextafter(tried, HUGE_VAL))
+      if (tried * unit.size == value) return shortest(tried) + std::string(unit.suffix);
+  }
+  return shortest(value / kPpm) + "ppm";
 }
 
 std::string value_text(double value, FaultUnit unit) {

@@ -27,6 +27,7 @@ constexpr Target kTargets[] = {
     {"bus", fuzz_bus},
     {"c", fuzz_c},
     {"sim_options", fuzz_sim_options},
+    {"plan", fuzz_plan},
 #ifdef TM485_FUZZ_TOOLS
     {"image", fuzz_image},
     {"journal", fuzz_journal},
