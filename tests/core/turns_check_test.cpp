@@ -78,9 +78,17 @@ TEST_F(TurnsCheck, SomeThatAgreeOnAnotherTurnEndWhatIsKnown) {
   for (int k = 1; k < 4 * kEnough; ++k)
     ASSERT_EQ(between(k % 2 == 0 ? 300U : 500U), Errc::position_implausible) << k;
   ASSERT_EQ(between(7), Errc::ok);
-  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(between(300), Errc::position_implausible) << k;
-  EXPECT_EQ(between(7), Errc::ok);
-  EXPECT_EQ(between(300), Errc::position_implausible);
+  for (int rounds = 0; rounds < 2; ++rounds) {
+    for (int k = 1; k < kEnough; ++k) ASSERT_EQ(between(300), Errc::position_implausible) << k;
+    EXPECT_EQ(between(7), Errc::ok);
+  }
+}
+
+TEST_F(TurnsCheck, TheNextTurnIsAnotherOneToo) {
+  for (int k = 0; k < 8; ++k) ASSERT_TRUE(track.id3(kMiddle, 6));
+  EXPECT_EQ(between(7), Errc::position_implausible);
+  EXPECT_EQ(between(5), Errc::position_implausible);
+  EXPECT_EQ(between(6), Errc::ok);
 }
 
 TEST_F(TurnsCheck, BackAtTheStartValueTheEncoderHasRestarted) {
@@ -122,6 +130,54 @@ TEST_F(TurnsCheck, AsMuchMoreAsTheShaftCanHaveTurnedMeanwhile) {
   track.step = ms(100);
   EXPECT_EQ(alone(107 + 13), Errc::position_implausible);
   EXPECT_EQ(alone(107 + 13), Errc::ok) << "in twice that time it can";
+}
+
+TEST_F(TurnsCheck, TheyAgreeThoughMoreIsPossibleMeanwhile) {
+  stand();
+  ASSERT_EQ(alone(7), Errc::ok);
+  track.step = ms(20);
+  for (int k = 1; k < kEnough; ++k) ASSERT_EQ(alone(300), Errc::position_implausible) << k;
+  EXPECT_EQ(alone(300), Errc::position_lost);
+}
+
+TEST_F(TurnsCheck, WhereTheLatchesAreNotKnownMoreIsPossible) {
+  stand();
+  ASSERT_EQ(alone(7), Errc::ok);
+  Time now = track.now();
+  const auto told = [&](std::uint32_t abm, Time uncertainty) {
+    now += ms(10);
+    Sample sample;
+    return track->update(*Reply::parse(test::id1_reply(abm), DataId::multi_turn, profile), now, uncertainty,
+                         sample);
+  };
+  ASSERT_EQ(told(7, ms(20)), Errc::ok);
+  EXPECT_EQ(told(14, ms(20)), Errc::position_implausible);
+  now -= ms(10);
+  EXPECT_EQ(told(13, ms(20)), Errc::ok) << "10 ms, and 20 ms of both: 5 turns, and one";
+}
+
+// Of eight bits of turns, most are possible after a second.
+TEST(TurnsOfFewBits, TheRangeOfTurnsWrapsToo) {
+  Profile few = test::preset("tm485_17");
+  few.multi_turn_bits = 8;
+  Track track(few, {});
+  track.step = us(100);
+  track.apart = Time{0};
+  for (int k = 0; k < 8; ++k) ASSERT_TRUE(track.id3(kMiddle, 7));
+  const auto alone = [&](std::uint32_t abm) {
+    const auto sample = track.feed(test::id1_reply(abm), DataId::multi_turn);
+    return sample ? Errc::ok : sample.error();
+  };
+  ASSERT_EQ(alone(7), Errc::ok);
+  track.step = ms(1'000);
+  EXPECT_EQ(alone(7 + 103), Errc::position_implausible);
+  track.step = Time{0};
+  EXPECT_EQ(alone(7 + 255 - 101), Errc::position_implausible) << "103 down";
+  EXPECT_EQ(alone(7 + 256 - 101), Errc::ok);
+  track.step = ms(2'000);
+  EXPECT_EQ(alone(100), Errc::ok) << "all of them";
+  track.step = ms(1'000);
+  EXPECT_EQ(alone(100 + 90), Errc::ok);
 }
 
 TEST_F(TurnsCheck, BehindStartUpAnEnidMayComeFirst) {
