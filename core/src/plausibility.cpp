@@ -118,7 +118,7 @@ void PlausibilityGate::follow(Track& track, const PositionReading& reading,
 }
 
 /// The first reading of a row.
-void PlausibilityGate::begin(Track& track, const PositionReading& reading) noexcept {
+void PlausibilityGate::begin(Track& track, const PositionReading& reading) const noexcept {
   track.raw = reading.raw;
   track.latch = reading.latch;
   track.speed = track.speed_error = track.speed_doubt = 0;

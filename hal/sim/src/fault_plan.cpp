@@ -111,8 +111,10 @@ std::string ratio_text(double value) {
   for (const Unit& unit : kUnits) {
     double tried = value / unit.size;
     for (int k = 0; k < kBeside; ++k) tried = std::nextafter(tried, -HUGE_VAL);
-    for (int k = -kBeside; k <= kBeside; ++k, tried = std::nextafter(tried, HUGE_VAL))
+    for (int k = -kBeside; k <= kBeside; ++k) {
       if (tried * unit.size == value) return shortest(tried) + std::string(unit.suffix);
+      tried = std::nextafter(tried, HUGE_VAL);
+    }
   }
   return shortest(value / kPpm) + "ppm";
 }

@@ -126,7 +126,7 @@ class PlausibilityGate {
   [[nodiscard]] bool reachable(const Track& track, const PositionReading& reading,
                                const Window& window) const noexcept;
   [[nodiscard]] std::int64_t bend(std::int64_t dt, std::int64_t span) const noexcept;
-  void begin(Track& track, const PositionReading& reading) noexcept;
+  void begin(Track& track, const PositionReading& reading) const noexcept;
   [[nodiscard]] bool go_on(Track& track, const PositionReading& reading, std::int64_t widest) noexcept;
   void follow(Track& track, const PositionReading& reading, const Window& window) const noexcept;
   [[nodiscard]] bool near_track(const PositionReading& reading) const noexcept;
