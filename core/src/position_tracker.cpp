@@ -64,7 +64,7 @@ Errc PositionTracker::note(const Reply& reply, Time latch, Time uncertainty) noe
   };
   const std::int64_t width = highest - lowest;
   const std::uint32_t all = (std::uint32_t{1} << turn_bits) - 1;
-  if ((static_cast<std::uint32_t>(off_by(lowest)) & all) <= width) {
+  if (((frame.abm() - static_cast<std::uint32_t>(lowest)) & all) <= width) {
     contrary_ = 0;
     turns_latch_ = latch;
     return Errc::ok;

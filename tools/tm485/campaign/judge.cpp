@@ -148,10 +148,8 @@ bool Judge::on_turns(const Sample& sample, Time now) noexcept {
   const auto off = static_cast<std::int16_t>(sample.turns() - encoder_->model().last_latch().abm);
   const int allowed = effects.bits_changed || slow_ ? 1 : 0;
   if (off <= allowed && -off <= allowed) return true;
-  // The position's own turns are others.
-  constexpr unsigned kTellTurns = 2;
-  const bool stepped = !reads_turns_ && sample.discontinuities() != steps_at_startup_;
-  if (stepped || turns_wrong_ || wrong_turns_in_a_row_ >= kTellTurns) return true;
+  if (stepped_without_turns(sample) || told_wrong_turns())
+    return true;  // the position's own turns are others
   return fail(Rule::turns, now, std::abs(int{off}), allowed);
 }
 
@@ -177,11 +175,7 @@ bool Judge::on_position(const Sample& sample, Time now) noexcept {
   // A zero reset whose end was lost in noise takes effect while the cycle is on again; from a step that the shaft can have made
   // nobody sees it.
   const bool late_zero = resets_ && !has_turns && origin(sample.latch_time()) != origin_;
-  const bool stepped = !reads_turns_ && sample.discontinuities() != steps_at_startup_;
-  // Two replies that agree on wrong turns are believed when a step comes besides.
-  constexpr unsigned kTellTurns = 2;
-  const bool told_wrong = turns_wrong_ || wrong_turns_in_a_row_ >= kTellTurns;
-  const bool turns_unknown = late_zero || stepped || (told_wrong && !has_turns);
+  const bool turns_unknown = late_zero || stepped_without_turns(sample) || (told_wrong_turns() && !has_turns);
   if (has_turns) turns_wrong_ = off > turn_ / 2;
   if (off > turn_ / 2 && turns_unknown) {
     ++totals_.lost_turns;

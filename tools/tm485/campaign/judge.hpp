@@ -61,6 +61,8 @@ class Judge {
 
  private:
   static constexpr Time kLongestExchange{60'000};
+  /// Replies that agree on wrong turns, and are believed when a step comes besides.
+  static constexpr unsigned kTellTurns = 2;
 
   /// What replies to the requests of a cycle look like, by section 2 of the specification.
   struct Shape {
@@ -180,6 +182,12 @@ class Judge {
   void on_frozen(const Sample& sample, Time before) noexcept;
   [[nodiscard]] bool on_position(const Sample& sample, Time now) noexcept;
   [[nodiscard]] bool on_turns(const Sample& sample, Time now) noexcept;
+  [[nodiscard]] bool stepped_without_turns(const Sample& sample) const noexcept {
+    return !reads_turns_ && sample.discontinuities() != steps_at_startup_;
+  }
+  [[nodiscard]] bool told_wrong_turns() const noexcept {
+    return turns_wrong_ || wrong_turns_in_a_row_ >= kTellTurns;
+  }
   [[nodiscard]] bool frame_is_broken() const noexcept;
   [[nodiscard]] bool may_be_somebody_elses(const Sample& sample) const noexcept;
   /// What the encoder calls 0, in counts of the shaft: a reset or a restart moves it.
